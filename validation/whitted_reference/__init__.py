@@ -1,0 +1,1 @@
+"""An independent plain-Python tracer of the picture that the plugins draw; standard library only."""
