@@ -1,0 +1,111 @@
+"""The libLLVM that Dr.Jit compiles with: chosen before Dr.Jit is imported, judged after.
+
+Dr.Jit reads ``DRJIT_LIBLLVM_PATH`` once, while it is being imported, and never looks again. Whoever wants a
+say has to be there first; whoever comes later can only check.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib.metadata
+import os
+import platform
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+VARIABLE = "DRJIT_LIBLLVM_PATH"
+WHEEL = "karellen-llvm-core"
+
+# Dr.Jit 1.5 emits `llvm.minimum` and `llvm.maximum`, which the x86 back-ends of LLVM 15 and 16 cannot select:
+# they call abort() at the first such kernel. Dr.Jit itself turns away everything before 15.
+OLDEST_ON_X86 = 17
+
+REMEDY = (
+    f"set {VARIABLE} to a libLLVM {OLDEST_ON_X86} or newer before Python starts, "
+    f"or unset it and run `pip install '{WHEEL}>=23,<24'` (Linux x86-64), "
+    "or use the variant scalar_rgb"
+)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What Dr.Jit was given and what it made of it.
+
+    Attributes
+    ----------
+    version
+        Major, minor, patch as Dr.Jit reports them; (-1, -1, -1) where it could use none.
+    path
+        The file that was loaded or asked for; None where Dr.Jit searched by itself and it cannot be told.
+    reason
+        Why this one, as half a sentence.
+    """
+
+    version: tuple[int, int, int]
+    path: str | None
+    reason: str
+
+    @property
+    def refusal(self) -> str | None:
+        """One line that says why no LLVM variant may run and what to do; None where all is well."""
+        where = f"{self.path}, {self.reason}" if self.path else self.reason
+        if self.version[0] < 0:
+            return f"no usable libLLVM ({where}): {REMEDY}"
+        if platform.machine() in ("x86_64", "AMD64") and self.version[0] < OLDEST_ON_X86:
+            number = ".".join(map(str, self.version))
+            return f"libLLVM {number} would abort the process ({where}): {REMEDY}"
+        return None
+
+
+@functools.cache
+def choose() -> Choice:
+    """Import Dr.Jit with the libLLVM that suits it best, unless the user or an earlier import has chosen.
+
+    The environment is put back afterwards, so that a child process makes its own choice.
+
+    Returns
+    -------
+    Choice
+        The same object at every call.
+    """
+    path = os.environ.get(VARIABLE)
+    reason = "found by Dr.Jit's own search"
+    if path:
+        reason = f"set by {VARIABLE}"
+    elif "drjit" in sys.modules:
+        reason = "chosen by Dr.Jit, which was imported before mitsuba_whitted"
+    elif path := _in_wheel():
+        reason = f"from the package {WHEEL}"
+        os.environ[VARIABLE] = path
+        try:
+            import drjit
+        finally:
+            del os.environ[VARIABLE]
+    import drjit
+
+    return Choice(drjit.detail.llvm_version(), _in_memory() or path, reason)
+
+
+def _in_wheel() -> str | None:
+    """Look for the library among the files that pip recorded; the wheel decides where it lies, not we."""
+    try:
+        files = importlib.metadata.files(WHEEL) or []
+    except importlib.metadata.PackageNotFoundError:
+        return None
+    for file in files:
+        path = Path(str(file.locate())).resolve()
+        if re.fullmatch(r"libLLVM\.so\.[\d.]+", file.name) and path.is_file():
+            return str(path)
+    return None
+
+
+def _in_memory() -> str | None:
+    """Read from Linux which libLLVM this process holds; None elsewhere, or where it is not to be told."""
+    try:
+        maps = Path("/proc/self/maps").read_text()
+    except OSError:
+        return None
+    loaded = set(re.findall(r"(/.*/libLLVM[^/\n]*)$", maps, re.MULTILINE))
+    return loaded.pop() if len(loaded) == 1 else None
