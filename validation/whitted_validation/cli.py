@@ -1,0 +1,282 @@
+"""The command line `whitted`.
+
+Mitsuba, numpy and the like are imported only by the commands that need them, after everything that can be
+found wrong without them: `--help` and `scenes` answer at once, and so does a broken scene.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from whitted_validation import picture_files, scene_check, scene_files
+from whitted_validation.refusal import Refusal
+
+if TYPE_CHECKING:
+    from whitted_validation.load import Loaded
+
+TERMS = ("ambient", "diffuse", "specular")
+
+
+def _terms(_ctx: click.Context, _param: click.Parameter, value: str | None) -> set[str] | None:
+    if value is None:
+        return None
+    terms = {term.strip() for term in value.split(",")}
+    if not terms <= set(TERMS):
+        raise click.BadParameter(f"{value}; allowed are {', '.join(TERMS)}, separated by commas")
+    return terms
+
+
+def _defines(_ctx: click.Context, _param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
+    defines = {}
+    for value in values:
+        key, equals, text = value.partition("=")
+        if not (key.isidentifier() and equals):
+            raise click.BadParameter(f"{value}; it must read key=value")
+        defines[key] = text
+    return defines
+
+
+def _folders(_ctx: click.Context, _param: click.Parameter, values: tuple[str, ...]) -> list[Path]:
+    folders = [Path(folder) for value in values for folder in value.split(";") if folder]
+    for folder in folders:
+        if not folder.is_dir():
+            raise click.BadParameter(f"{folder}; it must be a folder")
+    return folders
+
+
+def scene_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Add the argument SCENE and the options of the `mitsuba` program that say how to read it."""
+    for add in reversed(
+        [
+            click.argument("scene"),
+            click.option(
+                "-m", "--mode", "variant", metavar="VARIANT", help="Mitsuba variant, such as llvm_ad_rgb."
+            ),
+            click.option(
+                "-D",
+                "--define",
+                "defines",
+                multiple=True,
+                callback=_defines,
+                metavar="KEY=VALUE",
+                help="Set $key in the scene.",
+            ),
+            click.option(
+                "-a",
+                "--append",
+                "folders",
+                multiple=True,
+                callback=_folders,
+                metavar="DIR[;DIR]",
+                help="Let the scene use files in this folder too.",
+            ),
+            click.option("-t", "--threads", type=click.IntRange(min=1), help="Number of threads."),
+            click.option("-v", "--verbose", count=True, help="Say more; give it again for still more."),
+        ]
+    ):
+        command = add(command)
+    return command
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="mitsuba-whitted")
+def whitted() -> None:
+    """Whitted's classic ray tracer inside Mitsuba 3.
+
+    SCENE is a Mitsuba XML file, or the bare name of a scene that `whitted scenes` lists.
+    """
+
+
+@whitted.command()
+@scene_options
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    help="Picture, by its ending .exr, .png or .npy. [default: SCENE with .exr]",
+)
+@click.option("-s", "--sensor", default=0, metavar="INDEX", help="Sensor to draw, counted from 0.")
+@click.option(
+    "--grid",
+    type=click.IntRange(1, 1024),
+    metavar="N",
+    help="N x N samples a pixel. [default: the scene's sample_count]",
+)
+@click.option("--exposure", type=float, metavar="EV", help="Brighten a .png by EV stops.")
+@click.option("--only", callback=_terms, metavar="TERMS", help="Keep only these of ambient,diffuse,specular.")
+@click.option("--no-shadows", is_flag=True, help="Let every light reach every surface.")
+@click.option("--no-mirrors", is_flag=True, help="Follow no mirror rays.")
+@click.option("--stats", is_flag=True, help="Print how many rays were traced and how long it took.")
+def render(
+    scene: str,
+    variant: str | None,
+    defines: dict[str, str],
+    folders: list[Path],
+    threads: int | None,
+    verbose: int,
+    output: str | None,
+    sensor: int,
+    grid: int | None,
+    exposure: float | None,
+    only: set[str] | None,
+    no_shadows: bool,
+    no_mirrors: bool,
+    stats: bool,
+) -> None:
+    """Draw SCENE and write the picture."""
+    start = time.perf_counter()
+    picture_file = Path(output) if output else Path(scene).with_suffix(".exr")
+    if exposure is not None and picture_file.suffix.lower() != ".png":
+        raise Refusal(f"--exposure is for .png; {picture_file} holds the picture as it was computed")
+    loaded = _load(
+        scene,
+        variant,
+        defines,
+        folders,
+        threads,
+        verbose,
+        before=lambda: picture_files.check_writable(picture_file),
+    )
+
+    from mitsuba_whitted.errors import SceneError
+    from whitted_validation import render as drawing
+
+    camera = drawing.sensor_of(loaded.scene, sensor)
+    integrator = loaded.integrator
+    off = {term for term in TERMS if only is not None and term not in only}
+    off |= {"shadows"} if no_shadows else set()
+    off |= {"mirrors"} if no_mirrors else set()
+    for part in off:
+        setattr(integrator, f"enable_{part}", False)
+    grid = grid or drawing.grid_of(camera)
+    with _progress(picture_file.name) as advance:
+        try:
+            picture = drawing.render(loaded.scene, integrator, camera, grid, advance)
+        except SceneError as error:
+            raise Refusal(f"{scene}: {error}") from None
+    picture_files.write(picture_file, picture, exposure or 0.0)
+    if stats:
+        click.echo(f"total time    {time.perf_counter() - start:.2f} s")
+
+
+@whitted.command()
+@scene_options
+def plan(
+    scene: str,
+    variant: str | None,
+    defines: dict[str, str],
+    folders: list[Path],
+    threads: int | None,
+    verbose: int,
+) -> None:
+    """Print what SCENE needs, and so what the kernel holds and leaves out."""
+    loaded = _load(scene, variant, defines, folders, threads, verbose)
+
+    from mitsuba_whitted.plan import plan as make_plan
+
+    click.echo(str(make_plan(loaded.scene)))
+
+
+@whitted.command()
+@click.option("--copy", metavar="DIR", help="Copy them to a new folder, to be edited there.")
+def scenes(copy: str | None) -> None:
+    """List the shipped scenes, or copy them out."""
+    if copy is not None:
+        for file in scene_files.copy_to(Path(copy)):
+            click.echo(file)
+        return
+    files = scene_files.shipped()
+    width = max((len(file.stem) for file in files), default=0)
+    for file in files:
+        click.echo(f"{file.stem:<{width}}  {scene_files.purpose(file)}")
+
+
+@whitted.command()
+def doctor() -> None:
+    """Print versions, the libLLVM chosen and why, and which variants work here."""
+    from whitted_validation import doctor as examination
+
+    for line in examination.report():
+        click.echo(line)
+
+
+def _load(
+    scene: str,
+    variant: str | None,
+    defines: dict[str, str],
+    folders: list[Path],
+    threads: int | None,
+    verbose: int,
+    before: Callable[[], None] = lambda: None,
+) -> Loaded:
+    """Load the scene, cheapest checks first; nothing is printed until all is known to be well."""
+    seen = scene_check.check(scene_files.find(scene), folders, defines)
+    before()
+
+    from whitted_validation import variants
+
+    chosen, why = variants.choose(variant)
+    import drjit as dr
+    import mitsuba as mi
+
+    mi.set_variant(chosen)
+    if threads is not None:
+        dr.set_thread_count(threads)
+
+    from whitted_validation.load import load
+    from whitted_validation.messages import Messages
+
+    messages = Messages(verbose)
+    loaded = load(seen, folders, defines)
+    if variant is None:
+        click.echo(f"whitted: {why}", err=True)
+    if loaded.remark:
+        click.echo(f"whitted: {loaded.remark}", err=True)
+    messages.show()
+    return loaded
+
+
+@contextmanager
+def _progress(name: str) -> Iterator[Callable[[float], None]]:
+    """Show a bar on a terminal, nothing elsewhere; it is gone when the work is done."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(name, total=1.0)
+        yield lambda part: bar.update(task, completed=part)
+
+
+def main() -> None:
+    """Run the command line: 0 done, 2 misuse or something refused, 130 interrupted."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """Run one command; whatever is refused becomes one line on stderr."""
+    try:
+        return int(whitted.main(arguments, prog_name="whitted", standalone_mode=False) or 0)
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message())
+        return 2
+    except click.ClickException as error:
+        message = error.format_message()
+    except Refusal as error:
+        message = str(error)
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("whitted: interrupted", err=True)
+        return 130
+    except BrokenPipeError:  # the reader of our output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    click.echo(f"whitted: {' '.join(message.split())}", err=True)
+    return 2

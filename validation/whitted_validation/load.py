@@ -1,0 +1,87 @@
+"""A scene file, looked over and handed to Mitsuba, for the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from whitted_validation import messages
+from whitted_validation.refusal import Refusal
+from whitted_validation.scene_check import Scene
+
+
+@dataclass
+class Loaded:
+    """A scene, the integrator that draws it, and a remark where that is not the scene's own."""
+
+    scene: mi.Scene
+    integrator: mi.Integrator
+    remark: str | None
+
+
+def load(seen: Scene, folders: Sequence[Path], defines: Mapping[str, str]) -> Loaded:
+    """Load a scene in the current variant.
+
+    Shapes are not merged, so that they keep their ids. Nothing is searched for in the current directory: a
+    scene means the same wherever the command is typed.
+
+    Parameters
+    ----------
+    seen
+        What `scene_check.check` returned for the file, with the same `folders` and `defines`.
+
+    Raises
+    ------
+    Refusal
+        With the file, line and element, where Mitsuba tells them.
+    """
+    resolver = mi.file_resolver()  # type: ignore[operator]  # its stub takes it for an object
+    resolver.erase(str(Path.cwd()))
+    for folder in folders:
+        resolver.append(str(folder))
+    try:
+        scene = mi.load_file(str(seen.file), optimize=False, **defines)  # type: ignore[arg-type]  # keywords
+    except (RuntimeError, ValueError, TypeError) as error:
+        raise messages.refusal(error, seen) from None
+    _check_numbers(scene, seen.file)
+    integrator = scene.integrator()
+    if integrator is not None and integrator.class_name() == "Whitted":
+        return Loaded(scene, integrator, None)
+    ours = mi.load_dict({"type": "whitted", "id": "whitted"})
+    theirs = "no integrator" if integrator is None else f"the integrator {integrator.class_name()}"
+    return Loaded(scene, ours, f"{seen.file}: has {theirs}; drawn by whitted with its defaults")
+
+
+def _check_numbers(scene: mi.Scene, file: Path) -> None:
+    """Look for what only shows in the loaded scene: numbers from other files, products of transforms.
+
+    A key begins with the id of its object, which is as near as Mitsuba can tell.
+    """
+    parameters = mi.traverse(scene)
+    for key, _ in parameters:
+        value = parameters[key]
+        if key.endswith("to_world"):
+            value = np.array(value.matrix, dtype=np.float64).reshape(4, 4)
+            if np.isfinite(value).all() and _flattens(value[:3, :3]):
+                raise Refusal(f"{file}: {key}: is singular, it flattens the object; it must be invertible")
+        try:
+            numbers = np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            continue  # a name or an object, no number
+        if not np.isfinite(numbers).all():
+            raise Refusal(f"{file}: {key}: holds nan or infinity; every number must be finite")
+
+
+def _flattens(matrix: NDArray[np.float64]) -> bool:
+    """Tell whether rounding the matrix to float32 could have made or hidden a determinant of zero.
+
+    Each row is off by at most u = 2**-24 of its length, so the determinant by at most 3 u of the product of
+    all lengths, Hadamard's bound. Unequal scales, however far apart, are far from that.
+    """
+    lengths = np.linalg.norm(matrix, axis=1)
+    return bool(abs(np.linalg.det(matrix)) <= 3 * 2.0**-24 * lengths.prod())

@@ -1,0 +1,73 @@
+"""Pictures on disk: EXR and NPY as they were computed, PNG for the eye; complete or not there at all."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from whitted_validation.refusal import Refusal
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+FORMATS = (".exr", ".png", ".npy")
+
+
+def check_writable(path: Path) -> None:
+    """See, before any work is done, that a picture can be written here.
+
+    Raises
+    ------
+    Refusal
+        If the ending is unknown, or the folder is missing or closed.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise Refusal(f"{path}: a picture ends in {', '.join(FORMATS)}")
+    if path.is_dir():
+        raise Refusal(f"{path}: is a folder")
+    with _beside(path) as draft:
+        draft.touch()
+
+
+def write(path: Path, picture: NDArray[np.float32], exposure: float = 0.0) -> None:
+    """Write a picture; a file of that name is replaced, in one step.
+
+    Parameters
+    ----------
+    path
+        The ending chooses: ``.exr`` float32, ``.npy`` float32, ``.png`` 8-bit sRGB.
+    picture
+        (height, width, 1 or 3) linear values, of any size.
+    exposure
+        In stops: a PNG shows 2**exposure times the picture.
+    """
+    import mitsuba as mi
+    import numpy as np
+
+    with _beside(path) as draft:
+        match path.suffix.lower():
+            case ".npy":
+                np.save(draft, picture)
+            case ".exr":
+                mi.Bitmap(picture).write(str(draft))
+            case ".png":
+                shown = mi.Bitmap(picture * np.float32(2.0**exposure))
+                shown.convert(component_format=mi.Struct.Type.UInt8, srgb_gamma=True).write(str(draft))
+        draft.replace(path)
+
+
+@contextmanager
+def _beside(path: Path) -> Iterator[Path]:
+    """Offer a name for a draft in the same folder, and leave nothing there."""
+    draft = path.with_name(f".{path.stem[:32]}.{os.getpid()}{path.suffix.lower()}")
+    try:
+        yield draft
+    except OSError as error:
+        raise Refusal(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        with suppress(OSError):  # where the folder is none, there is nothing to clear away
+            draft.unlink(missing_ok=True)
