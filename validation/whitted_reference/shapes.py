@@ -1,0 +1,610 @@
+"""The primitives that rays meet: one class each, intersection first.
+
+Every primitive answers four questions about a ray e + t d with |d| = 1:
+
+`hit(e, d, start, end)`
+    the smallest t with start < t <= end at which the ray meets it, or None;
+`again(e, d, start, end)`
+    the same for a ray that leaves it at e: the meeting at e itself does not count;
+`normals(e, d, t, p)`
+    the unit shading normal n at p = e + t d and the unit geometric normal, turned so that n_g.n >= 0;
+`uv(e, d, t, p)`
+    the surface coordinates at p.
+
+The first two take e and d as six numbers and are the inner loop of the tracer: each unpacks what it
+needs into locals once. Numbers are of any arithmetic (see `arithmetic`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from whitted_reference import scene
+from whitted_reference.arithmetic import Arithmetic
+from whitted_reference.materials import Material
+from whitted_reference.transforms import Affine
+from whitted_reference.vectors import Colour, Number, Vec, add, cross, dot, negated, scaled, sub
+
+Box = tuple[float, float, float, float, float, float]  # least x, y, z, greatest x, y, z
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What all primitives of one shape share.
+
+    Attributes
+    ----------
+    back : the material behind, or None if the shape is one-sided
+    emission : colour sent out by the front, or None
+    """
+
+    id: str
+    front: Material
+    back: Material | None
+    emission: Colour | None
+
+
+class Primitive:
+    """Base of all: its place in the scene's order, its surface, and a box around it."""
+
+    __slots__ = ("box", "data", "index", "surface")
+
+    index: int
+    surface: Surface
+    box: Box
+    data: tuple[Any, ...]
+
+    def hit(
+        self,
+        ex: Number,
+        ey: Number,
+        ez: Number,
+        dx: Number,
+        dy: Number,
+        dz: Number,
+        start: Number,
+        end: Number,
+    ) -> Number | None:
+        """Return the first t in (start, end], or None."""
+        raise NotImplementedError
+
+    def again(
+        self,
+        ex: Number,
+        ey: Number,
+        ez: Number,
+        dx: Number,
+        dy: Number,
+        dz: Number,
+        start: Number,
+        end: Number,
+    ) -> Number | None:
+        """Return the first t in (start, end] apart from that of e itself; a flat primitive has none."""
+        return None
+
+    def normals(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Vec, Vec]:
+        """Return n and n_g at p; one and the same object where they are equal by definition."""
+        raise NotImplementedError
+
+    def uv(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Number, Number]:
+        """Return the surface coordinates at p."""
+        raise NotImplementedError
+
+
+def _unit(v: Vec, arithmetic: Arithmetic) -> Vec:
+    length = arithmetic.sqrt(dot(v, v))
+    return v[0] / length, v[1] / length, v[2] / length
+
+
+def _turned(g: Vec, n: Vec) -> Vec:
+    return negated(g) if dot(g, n) < 0 else g
+
+
+def _azimuth(x: Number, y: Number, arithmetic: Arithmetic) -> Number:
+    """Return the angle of (x, y) from +x towards +y as a fraction of a full turn, in [0, 1)."""
+    turn = arithmetic.atan2(y, x) / (2 * arithmetic.pi)
+    return turn + 1 if turn < 0 else turn
+
+
+def _box_of(points: list[tuple[float, ...]]) -> Box:
+    xs, ys, zs = zip(*points, strict=True)
+    return min(xs), min(ys), min(zs), max(xs), max(ys), max(zs)
+
+
+class Sphere(Primitive):
+    """A sphere by the stable quadratic.
+
+    With x = e - centre the roots of |x + t d| = r are t = -b -+ sqrt(r^2 - |x - b d|^2), b = x.d. The
+    radicand is formed from the closest approach x - b d, which does not cancel for a distant eye
+    (Haines, Guenther and Akenine-Moeller 2019); the root of smaller magnitude comes from the product of
+    the roots, |x|^2 - r^2.
+    """
+
+    __slots__ = ("_arithmetic", "_axes", "_inward", "_sqrt")
+
+    def __init__(self, shape: scene.Sphere, arithmetic: Arithmetic) -> None:
+        radius = arithmetic.of(shape.radius)
+        self.data = (*arithmetic.vec(shape.centre), radius * radius)
+        self._sqrt = arithmetic.sqrt
+        self._arithmetic = arithmetic
+        self._inward = shape.inward
+        self._axes = [arithmetic.vec(shape.to_world.column(j)) for j in range(3)]
+        centre, r = shape.centre, shape.radius
+        self.box = _box_of([tuple(c - r for c in centre), tuple(c + r for c in centre)])
+
+    def hit(
+        self,
+        ex: Number,
+        ey: Number,
+        ez: Number,
+        dx: Number,
+        dy: Number,
+        dz: Number,
+        start: Number,
+        end: Number,
+    ) -> Number | None:
+        """Return the smaller root in (start, end], or else the greater."""
+        x, y, z, rr = self.data
+        x = ex - x
+        y = ey - y
+        z = ez - z
+        b = x * dx + y * dy + z * dz
+        c = x * x + y * y + z * z - rr
+        if b > 0 and c > 0:  # outside and moving away
+            return None
+        x -= b * dx
+        y -= b * dy
+        z -= b * dz
+        radicand = rr - (x * x + y * y + z * z)
+        if radicand < 0:
+            return None
+        root = self._sqrt(radicand)
+        if b > 0:
+            near = -b - root
+            far = c / near
+        else:
+            far = root - b
+            near = c / far if far > 0 else far
+        if near > start:
+            return near if near <= end else None
+        return far if start < far <= end else None
+
+    def again(
+        self,
+        ex: Number,
+        ey: Number,
+        ez: Number,
+        dx: Number,
+        dy: Number,
+        dz: Number,
+        start: Number,
+        end: Number,
+    ) -> Number | None:
+        """Return the root other than 0: with e on the sphere the two add up to -2 b."""
+        x, y, z, _ = self.data
+        t = -2 * ((ex - x) * dx + (ey - y) * dy + (ez - z) * dz)
+        return t if start < t <= end else None
+
+    def normals(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Vec, Vec]:
+        """Return the direction from the centre (to it, if turned inside out) twice."""
+        x, y, z, _ = self.data
+        x = p[0] - x
+        y = p[1] - y
+        z = p[2] - z
+        length = self._sqrt(x * x + y * y + z * z)
+        if self._inward:
+            length = -length
+        n = (x / length, y / length, z / length)
+        return n, n
+
+    def uv(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Number, Number]:
+        """Return azimuth / 2 pi and polar angle / pi about the local z axis."""
+        arithmetic = self._arithmetic
+        x, y, z = (dot(sub(p, self.data[:3]), axis) for axis in self._axes)
+        polar = arithmetic.atan2(self._sqrt(x * x + y * y), z)
+        return _azimuth(x, y, arithmetic), polar / arithmetic.pi
+
+
+class _Flat(Primitive):
+    """A bounded part of the plane through c spanned by a and b, in coordinates x, y with p = c + x a + y b.
+
+    By Cramer's rule, with N = a x b: t = (c - e).N / d.N, x = q.(b x N) / N.N, y = q.(N x a) / N.N where
+    q = p - c.
+    """
+
+    __slots__ = ("_arithmetic", "_g", "_n")
+
+    def __init__(self, to_world: Affine, flip: bool, arithmetic: Arithmetic) -> None:
+        a, b, c = (arithmetic.vec(to_world.column(j)) for j in (0, 1, 3))
+        normal = cross(a, b)
+        squared = dot(normal, normal)
+        to_x = scaled(cross(b, normal), 1 / squared)
+        to_y = scaled(cross(normal, a), 1 / squared)
+        self.data = (*c, *normal, *to_x, *to_y)
+        self._arithmetic = arithmetic
+        n = _unit(arithmetic.vec(to_world.normal_column(2)), arithmetic)
+        self._n = negated(n) if flip else n
+        self._g = _turned(_unit(normal, arithmetic), self._n)
+
+    def normals(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Vec, Vec]:
+        """Return M^-T z (reversed if flipped) and a x b, everywhere the same."""
+        return self._n, self._g
+
+    def local(self, p: Vec) -> tuple[Number, Number]:
+        """Return x and y of a point of the plane."""
+        cx, cy, cz, _, _, _, xx, xy, xz, yx, yy, yz = self.data
+        qx, qy, qz = p[0] - cx, p[1] - cy, p[2] - cz
+        return qx * xx + qy * xy + qz * xz, qx * yx + qy * yy + qz * yz
+
+
+class Parallelogram(_Flat):
+    """Mitsuba's rectangle: |x| <= 1 and |y| <= 1, sides included."""
+
+    __slots__ = ()
+
+    def __init__(self, shape: scene.Rectangle, arithmetic: Arithmetic) -> None:
+        super().__init__(shape.to_world, shape.flip, arithmetic)
+        a, b, c = (shape.to_world.column(j) for j in (0, 1, 3))
+        corners = [(x, y) for x in (-1, 1) for y in (-1, 1)]
+        self.box = _box_of([tuple(c[i] + x * a[i] + y * b[i] for i in range(3)) for x, y in corners])
+
+    def hit(
+        self,
+        ex: Number,
+        ey: Number,
+        ez: Number,
+        dx: Number,
+        dy: Number,
+        dz: Number,
+        start: Number,
+        end: Number,
+    ) -> Number | None:
+        """Meet the plane, then ask for the sides."""
+        cx, cy, cz, nx, ny, nz, xx, xy, xz, yx, yy, yz = self.data
+        slope = dx * nx + dy * ny + dz * nz
+        if slope == 0:
+            return None
+        qx = ex - cx
+        qy = ey - cy
+        qz = ez - cz
+        t = -(qx * nx + qy * ny + qz * nz) / slope
+        if start < t <= end:
+            qx += t * dx
+            qy += t * dy
+            qz += t * dz
+            if -1 <= qx * xx + qy * xy + qz * xz <= 1 and -1 <= qx * yx + qy * yy + qz * yz <= 1:
+                return t
+        return None
+
+    def uv(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Number, Number]:
+        """Return (x + 1) / 2 and (y + 1) / 2."""
+        x, y = self.local(p)
+        return (x + 1) / 2, (y + 1) / 2
+
+
+class Disk(_Flat):
+    """x^2 + y^2 <= 1, rim included."""
+
+    __slots__ = ()
+
+    def __init__(self, shape: scene.Disk, arithmetic: Arithmetic) -> None:
+        super().__init__(shape.to_world, shape.flip, arithmetic)
+        a, b, c = (shape.to_world.column(j) for j in (0, 1, 3))
+        reach = [abs(a[i]) + abs(b[i]) for i in range(3)]
+        self.box = _box_of([tuple(c[i] + s * reach[i] for i in range(3)) for s in (-1, 1)])
+
+    def hit(
+        self,
+        ex: Number,
+        ey: Number,
+        ez: Number,
+        dx: Number,
+        dy: Number,
+        dz: Number,
+        start: Number,
+        end: Number,
+    ) -> Number | None:
+        """Meet the plane, then ask for the rim."""
+        cx, cy, cz, nx, ny, nz, xx, xy, xz, yx, yy, yz = self.data
+        slope = dx * nx + dy * ny + dz * nz
+        if slope == 0:
+            return None
+        qx = ex - cx
+        qy = ey - cy
+        qz = ez - cz
+        t = -(qx * nx + qy * ny + qz * nz) / slope
+        if start < t <= end:
+            qx += t * dx
+            qy += t * dy
+            qz += t * dz
+            x = qx * xx + qy * xy + qz * xz
+            y = qx * yx + qy * yy + qz * yz
+            if x * x + y * y <= 1:
+                return t
+        return None
+
+    def uv(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Number, Number]:
+        """Return the radius and the azimuth as a fraction of a turn."""
+        x, y = self.local(p)
+        return self._arithmetic.sqrt(x * x + y * y), _azimuth(x, y, self._arithmetic)
+
+
+class Cylinder(Primitive):
+    """A tube of radius |M x| about the axis from M 0 to M z, without caps, both ends included.
+
+    With w the unit axis, and x and d split into parts along w and across it, the roots of
+    |x' + t d'| = r are found as for the sphere.
+    """
+
+    __slots__ = ("_arithmetic", "_axes", "_inward", "_sqrt")
+
+    def __init__(self, shape: scene.Cylinder, arithmetic: Arithmetic) -> None:
+        self._arithmetic = arithmetic
+        self._sqrt = arithmetic.sqrt
+        self._inward = shape.inward
+        a, b, axis, base = (arithmetic.vec(shape.to_world.column(j)) for j in range(4))
+        length = arithmetic.sqrt(dot(axis, axis))
+        self.data = (*base, *_unit(axis, arithmetic), length, dot(a, a))
+        self._axes = (a, b)
+        columns = [shape.to_world.column(j) for j in range(4)]
+        reach = [abs(columns[0][i]) + abs(columns[1][i]) for i in range(3)]
+        self.box = _box_of(
+            [
+                tuple(columns[3][i] + h * columns[2][i] + s * reach[i] for i in range(3))
+                for h in (0, 1)
+                for s in (-1, 1)
+            ]
+        )
+
+    def hit(
+        self,
+        ex: Number,
+        ey: Number,
+        ez: Number,
+        dx: Number,
+        dy: Number,
+        dz: Number,
+        start: Number,
+        end: Number,
+    ) -> Number | None:
+        """Return the first of the two roots that lies in (start, end] and between the ends."""
+        x, y, z, wx, wy, wz, length, rr = self.data
+        x = ex - x
+        y = ey - y
+        z = ez - z
+        height = x * wx + y * wy + z * wz
+        climb = dx * wx + dy * wy + dz * wz
+        x -= height * wx
+        y -= height * wy
+        z -= height * wz
+        dx -= climb * wx
+        dy -= climb * wy
+        dz -= climb * wz
+        a = dx * dx + dy * dy + dz * dz
+        if a == 0:
+            return None
+        b = x * dx + y * dy + z * dz
+        c = x * x + y * y + z * z - rr
+        if b > 0 and c > 0:
+            return None
+        s = b / a
+        x -= s * dx
+        y -= s * dy
+        z -= s * dz
+        radicand = a * (rr - (x * x + y * y + z * z))
+        if radicand < 0:
+            return None
+        root = self._sqrt(radicand)
+        if b > 0:
+            near = (-b - root) / a
+            far = c / (-b - root)
+        else:
+            far = (root - b) / a
+            near = c / (root - b) if far > 0 else far
+        if start < near <= end and 0 <= height + near * climb <= length:
+            return near
+        if start < far <= end and 0 <= height + far * climb <= length:
+            return far
+        return None
+
+    def again(
+        self,
+        ex: Number,
+        ey: Number,
+        ez: Number,
+        dx: Number,
+        dy: Number,
+        dz: Number,
+        start: Number,
+        end: Number,
+    ) -> Number | None:
+        """Return the root other than 0: with e on the tube the two add up to -2 b / a."""
+        x, y, z, wx, wy, wz, length, _ = self.data
+        x = ex - x
+        y = ey - y
+        z = ez - z
+        height = x * wx + y * wy + z * wz
+        climb = dx * wx + dy * wy + dz * wz
+        dx -= climb * wx
+        dy -= climb * wy
+        dz -= climb * wz
+        a = dx * dx + dy * dy + dz * dz
+        if a == 0:
+            return None
+        t = -2 * (x * dx + y * dy + z * dz) / a
+        return t if start < t <= end and 0 <= height + t * climb <= length else None
+
+    def _across(self, p: Vec) -> tuple[Vec, Number]:
+        base, w = self.data[:3], self.data[3:6]
+        x = sub(p, base)
+        height = dot(x, w)
+        return sub(x, scaled(w, height)), height
+
+    def normals(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Vec, Vec]:
+        """Return the direction away from the axis (towards it, if flipped) twice."""
+        n = _unit(self._across(p)[0], self._arithmetic)
+        if self._inward:
+            n = negated(n)
+        return n, n
+
+    def uv(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Number, Number]:
+        """Return the azimuth as a fraction of a turn, and the height as a fraction of the length."""
+        across, height = self._across(p)
+        x, y = (dot(across, axis) for axis in self._axes)
+        return _azimuth(x, y, self._arithmetic), height / self.data[6]
+
+
+class Triangle(Primitive):
+    """A triangle with watertight edges.
+
+    Which side of an edge the ray passes is the sign of d.(P x Q), P and Q the ends of the edge seen from
+    e. The ends are always taken in the same order (that of their coordinates), so two triangles that
+    share an edge compute the same number for it and cannot both miss; 0 belongs to both. The distance
+    and the weights beta, gamma are Cramer's rule (Shirley et al. 2009, section 4.4.2).
+    """
+
+    __slots__ = ("_arithmetic", "_corners", "_g", "_normals", "_uvs")
+
+    def __init__(
+        self,
+        corners: tuple[scene.Floats3, scene.Floats3, scene.Floats3],
+        normals: tuple[Vec, Vec, Vec] | None,
+        uvs: tuple[tuple[float, float], ...] | None,
+        flip: bool,
+        arithmetic: Arithmetic,
+    ) -> None:
+        self._arithmetic = arithmetic
+        a, b, c = (arithmetic.vec(v) for v in corners)
+        self._corners: tuple[Vec, Vec, Vec] = (a, b, c)
+        winding = cross(sub(b, a), sub(c, a))
+        ordered = [x for corner in sorted(corners) for x in arithmetic.vec(corner)]
+        self.data = (*ordered, *winding)
+        self._g = _unit(winding, arithmetic)
+        if flip:
+            self._g = negated(self._g)
+            normals = (negated(normals[0]), negated(normals[1]), negated(normals[2])) if normals else None
+        self._normals = normals
+        self._uvs = [arithmetic.vec(uv) for uv in uvs] if uvs else None
+        self.box = _box_of(list(corners))
+
+    def hit(
+        self,
+        ex: Number,
+        ey: Number,
+        ez: Number,
+        dx: Number,
+        dy: Number,
+        dz: Number,
+        start: Number,
+        end: Number,
+    ) -> Number | None:
+        """Ask on which side of each edge the ray passes, then for the distance."""
+        ax, ay, az, bx, by, bz, cx, cy, cz, nx, ny, nz = self.data
+        ax -= ex
+        ay -= ey
+        az -= ez
+        bx -= ex
+        by -= ey
+        bz -= ez
+        ab = dx * (ay * bz - az * by) + dy * (az * bx - ax * bz) + dz * (ax * by - ay * bx)
+        cx -= ex
+        cy -= ey
+        cz -= ez
+        bc = dx * (by * cz - bz * cy) + dy * (bz * cx - bx * cz) + dz * (bx * cy - by * cx)
+        if (ab > 0 and bc < 0) or (ab < 0 and bc > 0):
+            return None
+        ac = dx * (ay * cz - az * cy) + dy * (az * cx - ax * cz) + dz * (ax * cy - ay * cx)
+        if (ac > 0 and (ab > 0 or bc > 0)) or (ac < 0 and (ab < 0 or bc < 0)):
+            return None
+        slope = dx * nx + dy * ny + dz * nz
+        if slope == 0:
+            return None
+        t = (ax * nx + ay * ny + az * nz) / slope
+        return t if start < t <= end else None
+
+    def _weights(self, e: Vec, d: Vec) -> tuple[Number, Number]:
+        """Return beta and gamma: e + t d = a + beta (b - a) + gamma (c - a)."""
+        a, b, c = self._corners
+        ab, ac, q = sub(b, a), sub(c, a), sub(e, a)
+        across = cross(d, ac)
+        determinant = dot(ab, across)
+        return dot(q, across) / determinant, dot(d, cross(q, ab)) / determinant
+
+    def normals(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Vec, Vec]:
+        """Return the interpolated normal, or without vertex normals the face's own, and the face's."""
+        if self._normals is None:
+            return self._g, self._g
+        beta, gamma = self._weights(e, d)
+        n0, n1, n2 = self._normals
+        n = _unit(
+            add(add(scaled(n0, 1 - beta - gamma), scaled(n1, beta)), scaled(n2, gamma)), self._arithmetic
+        )
+        return n, _turned(self._g, n)
+
+    def uv(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Number, Number]:
+        """Return the interpolated uv, or without any (beta, gamma)."""
+        beta, gamma = self._weights(e, d)
+        if self._uvs is None:
+            return beta, gamma
+        (u0, v0), (u1, v1), (u2, v2) = self._uvs
+        alpha = 1 - beta - gamma
+        return alpha * u0 + beta * u1 + gamma * u2, alpha * v0 + beta * v1 + gamma * v2
+
+
+def triangles(mesh: scene.Mesh, arithmetic: Arithmetic) -> list[Primitive]:
+    """Build a mesh's triangles in file order, without those of zero area, which are never hit."""
+    normals = _vertex_normals(mesh, arithmetic)
+    result: list[Primitive] = []
+    for i, j, k in mesh.faces:
+        corners = (mesh.vertices[i], mesh.vertices[j], mesh.vertices[k])
+        if _is_degenerate(*corners):
+            continue
+        own = (normals[i], normals[j], normals[k]) if normals else None
+        uvs = (mesh.uvs[i], mesh.uvs[j], mesh.uvs[k]) if mesh.uvs else None
+        result.append(Triangle(corners, own, uvs, mesh.flip, arithmetic))
+    return result
+
+
+def _is_degenerate(a: scene.Floats3, b: scene.Floats3, c: scene.Floats3) -> bool:
+    """Tell exactly whether three points lie on a line."""
+    ab, ac = sub(b, a), sub(c, a)
+    n = cross(ab, ac)
+    # Differences and products are off by 2^-53 each, relative to sizes bounded by |ab| |ac|; if the
+    # result is above 2^-40 of that it is certainly not zero and the exact arithmetic can be spared.
+    if dot(n, n) > 2.0**-80 * dot(ab, ab) * dot(ac, ac) and ab != ac:
+        return False
+    exact = [(Fraction(x), Fraction(y), Fraction(z)) for x, y, z in (a, b, c)]
+    return not any(cross(sub(exact[1], exact[0]), sub(exact[2], exact[0])))
+
+
+def _vertex_normals(mesh: scene.Mesh, arithmetic: Arithmetic) -> list[Vec] | None:
+    """Return unit normals per vertex: the file's under M^-T, or made from the faces, or None."""
+    if mesh.normals is not None:
+        rows = [arithmetic.vec(row) for row in mesh.to_world.normal]
+        vectors = [arithmetic.vec(n) for n in mesh.normals]
+        return [_unit((dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)), arithmetic) for v in vectors]
+    if not mesh.smooth:
+        return None
+    return _angle_weighted(mesh, arithmetic)
+
+
+def _angle_weighted(mesh: scene.Mesh, arithmetic: Arithmetic) -> list[Vec]:
+    """Add up each face's unit normal times its angle at the vertex (Thuermer and Wuethrich 1998)."""
+    zero: Vec = arithmetic.vec((0.0, 0.0, 0.0))
+    sums = [zero] * len(mesh.vertices)
+    points: list[Vec] = [arithmetic.vec(v) for v in mesh.vertices]
+    for face in mesh.faces:
+        if _is_degenerate(*(mesh.vertices[i] for i in face)):
+            continue
+        corners = [points[i] for i in face]
+        n = _unit(cross(sub(corners[1], corners[0]), sub(corners[2], corners[0])), arithmetic)
+        for k in range(3):
+            to_next, to_last = sub(corners[k - 2], corners[k]), sub(corners[k - 1], corners[k])
+            turn = cross(to_next, to_last)
+            angle = arithmetic.atan2(arithmetic.sqrt(dot(turn, turn)), dot(to_next, to_last))
+            sums[face[k]] = add(sums[face[k]], scaled(n, angle))
+    # A vertex of no face, or one whose faces cancel, gets x: Mitsuba's choice.
+    unused: Vec = arithmetic.vec((1.0, 0.0, 0.0))
+    return [_unit(n, arithmetic) if any(n) else unused for n in sums]

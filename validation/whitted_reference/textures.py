@@ -1,0 +1,122 @@
+"""Colours that vary over a surface: checkerboards and 8-bit pictures (Mitsuba's definitions)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from whitted_reference import scene
+from whitted_reference.arithmetic import Arithmetic
+from whitted_reference.vectors import Colour, Number
+
+Evaluate = Callable[[Number, Number], Colour]  # (u, v) -> colour
+
+# Rec. 709 luminance with the digits that Mitsuba uses, for a coloured picture that stands for one number.
+LUMINANCE = (0.212671, 0.715160, 0.072169)
+
+
+def evaluator(texture: scene.Texture, arithmetic: Arithmetic) -> Colour | Evaluate:
+    """Return the texture's colour if it is constant, else a function of (u, v)."""
+    if isinstance(texture, scene.Checkerboard):
+        return _checkerboard(texture, arithmetic, evaluator, swapped=False)
+    if isinstance(texture, scene.Bitmap):
+        return _bitmap(texture, arithmetic)
+    return arithmetic.vec(texture)
+
+
+def single_evaluator(texture: scene.Texture, arithmetic: Arithmetic) -> Colour | Evaluate:
+    """Return the same for a texture that stands for one number; it comes back three times over.
+
+    A coloured bitmap gives its luminance. A checkerboard has its two colours exchanged: Mitsuba's
+    `checkerboard` does so where it is asked for a number and not for a colour.
+    """
+    if isinstance(texture, scene.Checkerboard):
+        return _checkerboard(texture, arithmetic, single_evaluator, swapped=True)
+    if isinstance(texture, scene.Bitmap) and texture.channels == 3:
+        colour = _bitmap(texture, arithmetic)
+        weights = arithmetic.vec(LUMINANCE)
+
+        def luminance(u: Number, v: Number) -> Colour:
+            value = sum(w * c for w, c in zip(weights, colour(u, v), strict=True))
+            return value, value, value
+
+        return luminance
+    return evaluator(texture, arithmetic)
+
+
+def _checkerboard(
+    texture: scene.Checkerboard,
+    arithmetic: Arithmetic,
+    inner: Callable[[scene.Texture, Arithmetic], Colour | Evaluate],
+    swapped: bool,
+) -> Evaluate:
+    floor = arithmetic.floor
+    even, odd = inner(texture.color0, arithmetic), inner(texture.color1, arithmetic)
+    if swapped:
+        even, odd = odd, even
+    (a, b, s), (c, d, t) = (arithmetic.vec(row) for row in texture.to_uv)
+
+    def evaluate(u: Number, v: Number) -> Colour:
+        x, y = a * u + b * v + s, c * u + d * v + t
+        right, upper = 2 * (x - floor(x)) > 1, 2 * (y - floor(y)) > 1
+        chosen = even if right == upper else odd
+        return chosen(u, v) if callable(chosen) else chosen
+
+    return evaluate
+
+
+def _bitmap(texture: scene.Bitmap, arithmetic: Arithmetic) -> Evaluate:
+    floor = arithmetic.floor
+    width, height, channels, texels = texture.width, texture.height, texture.channels, texture.texels
+    table = [_decoded(byte, texture.srgb, arithmetic) for byte in range(256)]
+    wrap = _WRAPS[texture.wrap]
+    (a, b, s), (c, d, t) = (arithmetic.vec(row) for row in texture.to_uv)
+    half = arithmetic.of(0.5)
+
+    def texel(i: int, j: int) -> Colour:
+        place = (wrap(j, height) * width + wrap(i, width)) * channels
+        if channels == 1:
+            grey = table[texels[place]]
+            return grey, grey, grey
+        return table[texels[place]], table[texels[place + 1]], table[texels[place + 2]]
+
+    def nearest(u: Number, v: Number) -> Colour:
+        return texel(floor((a * u + b * v + s) * width), floor((c * u + d * v + t) * height))
+
+    def bilinear(u: Number, v: Number) -> Colour:
+        x, y = (a * u + b * v + s) * width - half, (c * u + d * v + t) * height - half
+        i, j = floor(x), floor(y)
+        x, y = x - i, y - j
+        rows = zip(texel(i, j), texel(i + 1, j), texel(i, j + 1), texel(i + 1, j + 1), strict=True)
+        red, green, blue = (
+            (c00 * (1 - x) + c10 * x) * (1 - y) + (c01 * (1 - x) + c11 * x) * y for c00, c10, c01, c11 in rows
+        )
+        return red, green, blue
+
+    return bilinear if texture.bilinear else nearest
+
+
+def _decoded(byte: int, srgb: bool, arithmetic: Arithmetic) -> Number:
+    """Return the linear value of a byte (IEC 61966-2-1)."""
+    of = arithmetic.of
+    x = of(byte) / 255
+    if not srgb:
+        return x
+    if x * 100000 <= 4045:
+        return x * 100 / 1292
+    return arithmetic.power((x * 1000 + 55) / 1055, of(24) / 10)
+
+
+def _repeat(i: int, size: int) -> int:
+    return i % size
+
+
+def _mirror(i: int, size: int) -> int:
+    i %= 2 * size
+    return i if i < size else 2 * size - 1 - i
+
+
+def _clamp(i: int, size: int) -> int:
+    return min(max(i, 0), size - 1)
+
+
+_WRAPS: dict[str, Callable[[int, int], int]] = {"repeat": _repeat, "mirror": _mirror, "clamp": _clamp}
