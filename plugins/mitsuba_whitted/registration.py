@@ -44,27 +44,19 @@ def register() -> None:
     for name, (kind, module) in _PLUGINS.items():
         if importlib.util.find_spec(module) is None:  # still being written
             continue
-        if _beyond_rgb(variant):
-            plugin = _refusal(name, variant)
-        else:
-            plugin = importlib.import_module(module).define()
+        # Spectra and polarisation are no part of the picture; mono is the same picture in grey.
+        drawable = not ("spectral" in variant or "polarized" in variant)
+        plugin = importlib.import_module(module).define() if drawable else _refusal(name, variant)
         getattr(mi, f"register_{kind}")(name, plugin)
         plugins.append(plugin)
     _defined[variant] = plugins
-
-
-def _beyond_rgb(variant: str) -> bool:
-    """Spectra and polarisation are no part of the picture; `mono` is the same picture in grey."""
-    return "spectral" in variant or "polarized" in variant
 
 
 def _refusal(name: str, variant: str) -> Callable[[mi.Properties], Any]:
     """Make a plugin that says at once what would otherwise read as `plugin not found`."""
 
     def refuse(props: mi.Properties) -> Any:
-        raise RuntimeError(
-            f"{props.id()}: the plugin {name} draws in the rgb and mono variants of Mitsuba, not in {variant}"
-        )
+        raise RuntimeError(f"{name} `{props.id()}`: draws in the rgb and mono variants, not in {variant}")
 
     return refuse
 
