@@ -20,8 +20,8 @@ _PLUGINS = {
 }
 """Name of the plugin: what Mitsuba calls its kind, and the module whose ``define()`` makes it."""
 
-_defined: dict[str, list[Any]] = {}
-"""What each variant got. A variant that comes back keeps it, for scenes made before may still be drawn."""
+_registered: set[str] = set()
+"""Variants that have their plugins. One that comes back keeps them: scenes made before may still be drawn."""
 
 
 def register() -> None:
@@ -35,12 +35,11 @@ def register() -> None:
         If the variant compiles with LLVM and the libLLVM in use would abort the process.
     """
     variant = mi.variant()
-    if variant is None or variant in _defined:
+    if variant is None or variant in _registered:
         return
     if variant.startswith("llvm") and LIBLLVM.refusal:
         raise ImportError(f"{variant}: {LIBLLVM.refusal}")
 
-    plugins = []
     for name, (kind, module) in _PLUGINS.items():
         if importlib.util.find_spec(module) is None:  # still being written
             continue
@@ -48,8 +47,7 @@ def register() -> None:
         drawable = not ("spectral" in variant or "polarized" in variant)
         plugin = importlib.import_module(module).define() if drawable else _refusal(name, variant)
         getattr(mi, f"register_{kind}")(name, plugin)
-        plugins.append(plugin)
-    _defined[variant] = plugins
+    _registered.add(variant)
 
 
 def _refusal(name: str, variant: str) -> Callable[[mi.Properties], Any]:

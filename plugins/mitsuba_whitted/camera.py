@@ -1,0 +1,107 @@
+"""Camera rays through the centres of an n x n grid of sub-pixels, from the sensor's own numbers."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_whitted.errors import SceneError
+from mitsuba_whitted.scene_graph import Node, Recorder, number, read
+from mitsuba_whitted.tables import opaque
+
+SCALE_TOLERANCE = 1e-3
+"""How far from 1 the scale of a camera's to_world may be: Mitsuba measures its clip planes in camera units."""
+
+
+class Rays(NamedTuple):
+    """Rays to be followed; the traversal begins at ``o + shift`` and ends `end` further along `d`."""
+
+    o: Any
+    d: Any
+    """Unit length."""
+    shift: Any
+    end: Any
+
+
+class Camera:
+    """Turns positions on the film into rays by section 4 of the model.
+
+    The constants are computed in float64 and stored as data: moving the camera recompiles nothing. Mitsuba's
+    own rays are used only for sensors that are neither `perspective` nor `orthographic`; they lose digits
+    (their origin is the rounded point on the near plane).
+
+    Raises
+    ------
+    SceneError
+        If to_world of a camera scales by anything but 1, or is singular or not finite.
+    """
+
+    def __init__(self, sensor: mi.Sensor) -> None:
+        self._sensor = sensor
+        self._film = sensor.film()
+        self._values = Node()
+        sensor.traverse(Recorder.for_node(self._values))
+        self.kind = sensor.class_name()
+        self.known = self.kind in ("PerspectiveCamera", "OrthographicCamera")
+        if self.known:
+            self._constants = self._affine_map()
+
+    def rays(self, x: Any, y: Any) -> Rays:
+        """Make the rays through `x`, `y`: Float, pixels from the upper left corner of the crop window."""
+        if not self.known:
+            return self._rays_of_mitsuba(x, y)
+        centre, per_x, per_y, eye, forward, x0_y0_near, far = self._constants
+        # Distances from the middle of the film are exact or nearly so: the error of a ray is that of its direction.
+        dx, dy = x - x0_y0_near.x, y - x0_y0_near.y
+        on_plane = mi.Vector3f(dr.fma(dx, per_x, dr.fma(dy, per_y, centre)))
+        if self.kind == "OrthographicCamera":
+            return Rays(mi.Point3f(eye + on_plane), forward, mi.Vector3f(0), far)
+        length = dr.norm(on_plane)  # of the direction whose component along the camera's z is 1
+        d = on_plane / length
+        near = x0_y0_near.z * length
+        return Rays(mi.Point3f(eye), d, near * d, (far - x0_y0_near.z) * length)
+
+    def _affine_map(self) -> tuple[Any, ...]:
+        """Constants of the direction, or of the origin, as an affine function of the position on the film."""
+        matrix = np.array(self._read("to_world").matrix, float).reshape(4, 4)
+        scales = np.linalg.norm(matrix[:3, :3], axis=0)
+        if self.kind == "PerspectiveCamera" and not np.all(np.abs(scales - 1) <= SCALE_TOLERANCE):  # or NaN
+            raise SceneError(
+                f"sensor `{self._sensor.id()}`: to_world scales by {scales.tolist()}; a camera's scale must be 1"
+            )
+        width, height = (int(size) for size in self._film.size())
+        crop_x, crop_y = (int(offset) for offset in self._film.crop_offset())
+        near, far = self._read("near_clip"), self._read("far_clip")
+        eye = matrix[:3, 3]
+        if self.kind == "PerspectiveCamera":
+            half = np.tan(np.deg2rad(number(self._read("x_fov"))) / 2)  # T of the model
+            principal = [number(self._read(f"principal_point_offset_{axis}")) for axis in "xy"]
+            centre = matrix[:3, 2]
+        else:
+            half, principal = 1.0, [0.0, 0.0]
+            centre = matrix[:3, 2] * near
+            far = far - near
+        per_x = matrix[:3, 0] * (-2 * half / width)
+        per_y = matrix[:3, 1] * (-2 * half / width)  # pixels are square: T H / W over H
+        middle_x = width * (0.5 - principal[0]) - crop_x
+        middle_y = height * (0.5 - principal[1]) - crop_y
+        forward = matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
+        vectors = (centre, per_x, per_y, eye, forward, (middle_x, middle_y, near))
+        return *(_opaque(mi.Vector3f, vector) for vector in vectors), _opaque(mi.Float, [far])
+
+    def _rays_of_mitsuba(self, x: Any, y: Any) -> Rays:
+        size = self._film.crop_size()
+        position = mi.Point2f(x / size[0], y / size[1])
+        ray, _ = self._sensor.sample_ray(mi.Float(0), mi.Float(0.5), position, mi.Point2f(0.5))
+        d = dr.normalize(ray.d)
+        return Rays(ray.o, d, mi.Vector3f(0), ray.maxt)
+
+    def _read(self, name: str) -> Any:
+        return read(*self._values.values[name], self._sensor)
+
+
+def _opaque(kind: Any, values: Any) -> Any:
+    return opaque(kind(*(float(value) for value in values)))

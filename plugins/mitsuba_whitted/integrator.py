@@ -1,0 +1,252 @@
+"""The integrator `whitted`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from mitsuba_whitted import film
+from mitsuba_whitted.camera import Camera, Rays
+from mitsuba_whitted.errors import SceneError
+from mitsuba_whitted.plan import Plan, plan_of
+from mitsuba_whitted.stage import Settings, Stage
+from mitsuba_whitted.trace import Traced, trace
+
+TERMS = ("ambient", "diffuse", "specular", "shadows", "mirrors")
+
+
+def define() -> type[mi.SamplingIntegrator]:
+    """Make the plugin class for the variant that is set, to be registered as ``whitted``."""
+
+    class Whitted(mi.SamplingIntegrator):  # type: ignore[misc]
+        r"""
+        .. _integrator-whitted:
+
+        Whitted's classic ray tracer (:monosp:`whitted`)
+        ------------------------------------------------
+
+        .. pluginparameters::
+
+         * - max_depth
+           - |int|
+           - Longest path in segments, counted as elsewhere in Mitsuba: 0 is black, 1 shows lamps and
+             background, 2 adds lit surfaces, 3 lit surfaces in mirrors, and so on. -1 follows a mirror
+             until it passes less than :math:`2^{-24}`, or for 1024 bounces. (Default: 10)
+
+         * - ambient
+           - |spectrum|
+           - Ambient light :math:`I_a` that reaches every surface. (Default: 0)
+
+         * - falloff
+           - |string|
+           - :monosp:`inverse_square`, as in nature and elsewhere in Mitsuba, or :monosp:`none`, the
+             textbook's lights of constant strength. Concerns point and spot lights.
+             (Default: :monosp:`inverse_square`)
+
+         * - epsilon
+           - |float|
+           - World units, > 0: shadow and mirror rays ignore whatever lies nearer than this, on every
+             shape. It is the textbook's remedy against rounding, here to be studied. (Default: unset;
+             rays then start as far off as rounding demands at each point, and no further)
+
+         * - enable_ambient, enable_diffuse, enable_specular
+           - |bool|
+           - Whether that term of the model is added. (Default: |true|)
+
+         * - enable_shadows, enable_mirrors
+           - |bool|
+           - Whether lights can be blocked; whether mirrors are followed. (Default: |true|)
+
+         * - hide_emitters
+           - |bool|
+           - Must be |false|. (Default: |false|)
+
+        The picture of the textbook (Whitted 1980; Shirley, Ashikhmin and Marschner, *Fundamentals of
+        Computer Graphics*, 3rd ed., chapter 4): at each hit point
+
+        .. math::
+
+            c = k_a I_a + \sum_{\text{lights}} \left( k_d I \max(0, n \cdot l)
+                + k_s I \max(0, n \cdot h)^p \right) + k_m \operatorname{raycolor}(p, r)
+
+        where a light counts if it is above the horizon and nothing lies between. No random number is drawn:
+        the same scene gives the same bytes, on any number of threads; ``seed`` changes nothing. With
+        ``spp`` = n² the mean of an n x n grid in each pixel is taken; other numbers go to the next square.
+
+        Lights are :monosp:`point`, :monosp:`directional` and :monosp:`spot`. Area lights are seen but light
+        nothing; environment lights are the background. Materials are :monosp:`blinnphong`,
+        :monosp:`diffuse`, :monosp:`conductor` with material :monosp:`none`, and :monosp:`twosided`.
+        Anything else is refused by name. The variants are those that end in :monosp:`rgb` or
+        :monosp:`mono`.
+
+        .. tabs::
+            .. code-tab:: xml
+
+                <integrator type="whitted">
+                    <integer name="max_depth" value="5"/>
+                    <rgb name="ambient" value="0.1, 0.1, 0.15"/>
+                </integrator>
+
+            .. code-tab:: python
+
+                'type': 'whitted',
+                'max_depth': 5,
+                'ambient': {'type': 'rgb', 'value': [0.1, 0.1, 0.15]}
+        """
+
+        def __init__(self, props: mi.Properties) -> None:
+            super().__init__(props)
+            self.settings = _settings(props)
+            self._stage: Stage | None = None
+            self._told: list[str] = []
+
+        def render(
+            self,
+            scene: mi.Scene,
+            sensor: mi.Sensor | int = 0,
+            seed: int = 0,
+            spp: int = 0,
+            develop: bool = True,
+            evaluate: bool = True,
+            progress: film.Progress | None = None,
+        ) -> mi.TensorXf:
+            """Draw the scene, and leave the picture in the sensor's film as well.
+
+            Parameters
+            ----------
+            scene, sensor
+                The scene; the sensor or its number in the scene.
+            seed : int
+                Unused: nothing here is random.
+            spp : int
+                Samples a pixel, 0 for those of the sensor's sampler; a number that is no square becomes the next.
+            develop : bool
+                Whether to return the picture, or an empty tensor.
+            evaluate : bool
+                Whether to wait for the picture, or to return it as work still to be done.
+            progress
+                Called with the rows done and the rows in all, again and again.
+
+            Returns
+            -------
+            TensorXf
+                (height, width, channels), float32, linear.
+
+            Raises
+            ------
+            SceneError
+                If the scene cannot be drawn as it is defined.
+            """
+            sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
+            stage, plan = self._prepare(scene)
+            camera = Camera(sensor)
+
+            def draw(x: Any, y: Any, active: Any) -> tuple[Any, Any]:
+                traced = trace(stage, plan, camera.rays(x, y), active)
+                return traced.colour, traced.hit
+
+            with dr.suspend_grad():
+                picture = film.expose(sensor.film(), self._grid(sensor, spp), draw, progress)
+            if evaluate:
+                sensor.film().schedule_storage()
+                dr.eval(picture)
+                dr.sync_thread()
+            return picture if develop else mi.TensorXf()
+
+        def sample(
+            self, scene: mi.Scene, sampler: mi.Sampler, ray: Any, medium: Any = None, active: Any = True
+        ) -> tuple[Any, Any, list[Any]]:
+            """Follow a single ray, for integrators such as `aov` that wrap another; the sampler is not asked."""
+            stage, plan = self._prepare(scene)
+            d = dr.normalize(ray.d)
+            traced = trace(stage, plan, Rays(ray.o, d, mi.Vector3f(0), ray.maxt), active)
+            return traced.colour, traced.hit, []
+
+        def plan(self, scene: mi.Scene) -> Plan:
+            """Say what the kernel for `scene` holds."""
+            return self._prepare(scene)[1]
+
+        def count_rays(self, scene: mi.Scene, sensor: mi.Sensor | int = 0, spp: int = 0) -> dict[str, int]:
+            """Count the rays of a picture by tracing it once more: `camera`, `mirror` and `shadow` rays."""
+            sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
+            stage, plan = self._prepare(scene)
+            camera = Camera(sensor)
+            counts = {"camera": 0, "mirror": 0, "shadow": 0}
+
+            def trace_at(x: Any, y: Any, active: Any) -> Traced:
+                return trace(stage, plan, camera.rays(x, y), active)
+
+            for cameras, mirrors, shadows in film.counted(sensor.film(), self._grid(sensor, spp), trace_at):
+                counts["camera"] += cameras
+                counts["mirror"] += mirrors
+                counts["shadow"] += shadows
+            return counts
+
+        def aov_names(self) -> list[str]:
+            """No channels besides colour."""
+            return []
+
+        def to_string(self) -> str:
+            """Name the parameters."""
+            return f"Whitted[\n  {self.settings}\n]"
+
+        def _prepare(self, scene: mi.Scene) -> tuple[Stage, Plan]:
+            if self._stage is not None and self._stage.follows(scene):
+                self._stage.refresh(self.settings)
+            else:
+                self._stage = Stage(scene, self.settings)
+            for name in self._stage.lights_nothing:
+                self._tell_once(f"{name} is drawn where it is seen, but lights no surface")
+            return self._stage, plan_of(self._stage)
+
+        def _grid(self, sensor: mi.Sensor, spp: int) -> int:
+            spp = spp or sensor.sampler().sample_count()
+            n = math.isqrt(spp - 1) + 1
+            if n * n != spp:
+                self._tell_once(f"{spp} samples a pixel are no square: {n} x {n} are taken")
+            return n
+
+        def _tell_once(self, message: str) -> None:
+            if message not in self._told:
+                self._told.append(message)
+                mi.Log(mi.LogLevel.Info, message)
+
+    return Whitted
+
+
+def _settings(props: mi.Properties) -> Settings:
+    """Read and check the parameters of the integrator."""
+    name = f"integrator `{props.id()}`"
+    max_depth = int(props.get("max_depth", 10))
+    if max_depth < -1:
+        raise SceneError(f"{name}: max_depth {max_depth} is out of range; allowed are -1 and above")
+    falloff = str(props.get("falloff", "inverse_square"))
+    if falloff not in ("inverse_square", "none"):
+        raise SceneError(f"{name}: falloff `{falloff}` is unknown; allowed are inverse_square and none")
+    epsilon = float(props["epsilon"]) if "epsilon" in props else None
+    if epsilon is not None and not 0 < epsilon < math.inf:
+        raise SceneError(f"{name}: epsilon {epsilon:g} is out of range; it must be above 0 and finite")
+    if props.get("hide_emitters", False):
+        raise SceneError(f"{name}: hide_emitters must be false")
+    ambient = _colour(props.get("ambient", 0.0))
+    if not all(0 <= value < math.inf for value in ambient):
+        raise SceneError(f"{name}: ambient {list(ambient)} must be finite and not negative")
+    enabled = {f"enable_{term}": bool(props.get(f"enable_{term}", True)) for term in TERMS}
+    return Settings(max_depth, ambient, falloff, epsilon, **enabled)
+
+
+def _colour(value: Any) -> tuple[float, ...]:
+    """Colour of a parameter given as number or as <rgb>, a number a channel of the variant."""
+    from mitsuba_whitted.materials import constant
+
+    if isinstance(value, mi.Texture):
+        colour = constant(value)
+        if colour is None:
+            raise SceneError("ambient must be a colour, the same everywhere")
+        return tuple(colour)
+    if isinstance(value, (int, float)):
+        return (float(value),) * dr.size_v(mi.Spectrum)
+    return tuple(float(channel) for channel in value)

@@ -1,0 +1,165 @@
+"""The lights that the textbook knows, as tables: directional, point and spot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_whitted import precise
+from mitsuba_whitted.errors import SceneError
+from mitsuba_whitted.materials import constant
+from mitsuba_whitted.scene_graph import SceneGraph, number
+from mitsuba_whitted.tables import column, fetch, opaque
+
+UNROLL = 16
+"""Up to so many lights of a kind stand in the kernel one by one; beyond, it loops, to compile in bounded time."""
+
+
+class Sample(NamedTuple):
+    """One light as seen from a point p."""
+
+    l: Any  # noqa: E741  # the textbook's letter
+    """Unit vector from p towards the light; zero if the light is at p."""
+    colour: Any
+    """Light arriving at p."""
+    distance: Any
+    """From p to the light; infinite for a directional light."""
+    end: Any
+    """As far as a shadow ray may look without taking a surface at the light for one before it."""
+
+
+class Lights:
+    """Lights of one kind."""
+
+    def __init__(self, kind: str, rows: list[list[float]], radiant: list[list[float]]) -> None:
+        self.kind = kind
+        self.count = len(rows)
+        self._rows = column(rows)
+        self._width = len(rows[0]) // 3
+        self._colours = column(radiant)
+        self._opaque_count = opaque(mi.UInt32(self.count))
+
+    def described(self) -> str:
+        """Kind and, while they are part of the kernel one by one, the number of these lights."""
+        return f"{self.count} {self.kind}" if self.count <= UNROLL else f"many {self.kind}"
+
+    def sum(
+        self, term: Callable[[Sample], tuple[Any, Any]], p: Any, inverse_square: bool
+    ) -> tuple[Any, Any]:
+        """Add up both parts of `term`, a Spectrum and a count, over all lights as seen from the point `p`."""
+
+        def add(i: Any, colour: Any, count: Any) -> tuple[Any, Any, Any]:
+            more_colour, more = term(self._sample(i, p, inverse_square))
+            return i + 1, colour + more_colour, count + more
+
+        state = (mi.UInt32(0), mi.Spectrum(0), mi.UInt32(0))
+        if self.count <= UNROLL or not dr.is_jit_v(mi.Float):
+            for i in range(self.count):
+                state = add(i, *state[1:])
+        else:
+            state = dr.while_loop(state, lambda i, *_: i < self._opaque_count, add, label=f"{self.kind} lights")
+        return state[1], state[2]
+
+    def _sample(self, i: Any, p: Any, inverse_square: bool) -> Sample:
+        def vector(j: int) -> Any:
+            return fetch(mi.Vector3f, self._rows, i * self._width + j)
+
+        colour = fetch(mi.Spectrum, self._colours, i)
+        if self.kind == "directional":
+            return Sample(vector(0), colour, mi.Float(dr.inf), mi.Float(dr.inf))
+
+        position = vector(0)
+        to_light = position - mi.Vector3f(p)
+        distance = dr.norm(to_light)
+        away = distance > 0
+        l = dr.select(away, to_light / distance, 0)  # noqa: E741
+        if self.kind == "spot":
+            x, y, z = (-dr.dot(vector(j), l) for j in (1, 2, 3))
+            theta = dr.atan2(dr.sqrt(x * x + y * y), z)
+            cutoff, beam, slope = vector(4)
+            colour *= dr.select(theta <= beam, 1, dr.maximum(cutoff - theta, 0) * slope)
+        if inverse_square:
+            colour = dr.select(away, colour / (distance * distance), 0)
+        # The light's own coordinates are exact; those of a surface at it are right to a few u of them.
+        end = distance * precise.SHADOW_END - 4 * precise.UNIT_ROUNDOFF * dr.sum(dr.abs(position))
+        return Sample(l, colour, distance, end)
+
+
+def lights_of(graph: SceneGraph) -> list[Lights]:
+    """Sort the delta lights of a scene by kind, each kind in the order of the scene."""
+    rows: dict[str, list[list[float]]] = {}
+    radiant: dict[str, list[list[float]]] = {}
+    for emitter in graph.emitters:
+        kind = emitter.class_name()
+        if kind in _READERS:
+            name, read = _READERS[kind]
+            row, colour = read(graph, emitter)
+            if not np.all(np.isfinite(row)):
+                raise SceneError(f"emitter `{emitter.id()}`: position or to_world is singular or not finite")
+            rows.setdefault(name, []).append(row)
+            radiant.setdefault(name, []).append(colour)
+    return [Lights(name, rows[name], radiant[name]) for name in rows]
+
+
+def lights_nothing(graph: SceneGraph) -> list[str]:
+    """Name the emitters that are seen, at most, but light no surface."""
+    return [
+        f"{emitter.class_name()} `{emitter.id()}`"
+        for emitter in graph.emitters
+        if emitter.class_name() not in _READERS
+    ]
+
+
+def _directional(graph: SceneGraph, emitter: mi.Emitter) -> tuple[list[float], list[float]]:
+    direction = _linear(graph, emitter)[:, 2]
+    with np.errstate(invalid="ignore"):
+        return [*(-direction / np.linalg.norm(direction))], _colour(graph, emitter, "irradiance")
+
+
+def _point(graph: SceneGraph, emitter: mi.Emitter) -> tuple[list[float], list[float]]:
+    position = np.array(graph.value(emitter, "position"), float).ravel()
+    return [*position], _colour(graph, emitter, "intensity")
+
+
+def _spot(graph: SceneGraph, emitter: mi.Emitter) -> tuple[list[float], list[float]]:
+    projected = graph.child(emitter, "texture")
+    if projected is not None and constant(projected) not in ([1.0], [1.0, 1.0, 1.0]):
+        raise SceneError(f"emitter `{emitter.id()}`: a spot light's texture is not handled")
+    matrix = _matrix(graph, emitter)
+    if np.linalg.det(matrix[:3, :3]) == 0:
+        raise SceneError(f"emitter `{emitter.id()}`: to_world is singular; it must be invertible")
+    cutoff, beam = (
+        np.deg2rad(number(graph.value(emitter, name))) for name in ("cutoff_angle", "beam_width")
+    )
+    slope = 1 / (cutoff - beam) if cutoff > beam else 0.0
+    to_local = np.linalg.inv(matrix[:3, :3])
+    return [*matrix[:3, 3], *to_local.ravel(), cutoff, beam, slope], _colour(graph, emitter, "intensity")
+
+
+_READERS: dict[str, tuple[str, Callable[[SceneGraph, mi.Emitter], tuple[list[float], list[float]]]]] = {
+    "DirectionalEmitter": ("directional", _directional),
+    "PointLight": ("point", _point),
+    "SpotLight": ("spot", _spot),
+}
+
+
+def _colour(graph: SceneGraph, emitter: mi.Emitter, name: str) -> list[float]:
+    texture = graph.child(emitter, name)
+    colour = None if texture is None else constant(texture)
+    if colour is None:
+        raise SceneError(f"emitter `{emitter.id()}`: {name} must be a constant colour")
+    if not all(0 <= value < np.inf for value in colour):
+        raise SceneError(f"emitter `{emitter.id()}`: {name} {colour} must be finite and not negative")
+    return colour
+
+
+def _matrix(graph: SceneGraph, emitter: mi.Emitter) -> Any:
+    return np.array(graph.value(emitter, "to_world").matrix, float).reshape(4, 4)
+
+
+def _linear(graph: SceneGraph, emitter: mi.Emitter) -> Any:
+    return _matrix(graph, emitter)[:3, :3]

@@ -1,0 +1,168 @@
+"""The materials of a scene as tables: the textbook's coefficients of every BSDF that has them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+
+from mitsuba_whitted.errors import SceneError
+from mitsuba_whitted.scene_graph import SceneGraph, number
+from mitsuba_whitted.tables import column, fetch, index_column
+
+TEXTURES = ("BitmapTexture", "Checkerboard")
+"""Textures that depend on (u, v) alone; any constant texture is allowed besides."""
+
+
+class Material(NamedTuple):
+    """Coefficients of one BSDF: each a number, or a texture and the number that scales it; None stands for 0."""
+
+    k_d: tuple[Any, float] | None = None
+    k_s: tuple[Any, float] | None = None
+    k_m: tuple[Any, float] | None = None
+    k_a: tuple[Any, float] | None = None
+    exponent: tuple[Any, float] | None = None
+
+
+BLACK = Material()
+
+
+def material_of(graph: SceneGraph, bsdf: mi.BSDF, shape: mi.Shape) -> tuple[Material, Material | None]:
+    """Read the textbook's coefficients of a BSDF.
+
+    Returns
+    -------
+    The material seen from the front, and that from behind, which is None unless the BSDF is two-sided.
+
+    Raises
+    ------
+    SceneError
+        If the BSDF is none of blinnphong, diffuse, conductor without material, twosided.
+    """
+    name = type(bsdf).__name__ if type(bsdf) is not mi.BSDF else bsdf.class_name()  # a plugin in Python, or in C++
+    if name == "TwoSidedBRDF":
+        front, _ = material_of(graph, graph.child(bsdf, "brdf_0"), shape)
+        behind = graph.child(bsdf, "brdf_1")
+        return front, front if behind is None else material_of(graph, behind, shape)[0]
+    if name == "BlinnPhong":
+        return Material(*((getattr(bsdf, parameter), 1.0) for parameter in _BLINN_PHONG)), None
+    if name == "SmoothDiffuse":
+        rho = graph.child(bsdf, "reflectance"), 1 / math.pi  # a diffuse BSDF is rho / pi
+        return Material(k_d=rho, k_a=rho), None
+    if name == "SmoothConductor" and _is_plain_mirror(graph, bsdf):
+        return Material(k_m=(graph.child(bsdf, "specular_reflectance"), 1.0)), None
+    raise SceneError(
+        f"bsdf `{bsdf.id()}` of shape `{shape.id()}`: {name} is not handled; "
+        "allowed are blinnphong, diffuse, conductor with material `none`, and twosided of them"
+    )
+
+
+_BLINN_PHONG = (
+    "diffuse_reflectance",
+    "specular_reflectance",
+    "mirror_reflectance",
+    "ambient_reflectance",
+    "exponent",
+)
+
+
+def _is_plain_mirror(graph: SceneGraph, conductor: mi.BSDF) -> bool:
+    """Material `none` is a refractive index of 0 + 1i, whose Fresnel factor is 1 at every angle."""
+    eta, k = (constant(graph.child(conductor, name)) for name in ("eta", "k"))
+    return eta is not None and k is not None and set(eta) == {0.0} and set(k) == {1.0}
+
+
+def constant(texture: mi.Texture) -> list[float] | None:
+    """Colour of a texture that is the same everywhere, a number a channel; None where it is not."""
+    if texture.is_spatially_varying():
+        return None
+    value = texture.eval(dr.zeros(mi.SurfaceInteraction3f))
+    return [number(channel) for channel in value]
+
+
+class Coefficient:
+    """One coefficient of all materials: a table of numbers, and the textures that scale some of them."""
+
+    def __init__(self, kind: Any, entries: list[tuple[Any, float] | None], what: str, most: float) -> None:
+        self._kind, self._most = kind, most
+        width = 1 if kind is mi.Float else dr.size_v(kind)
+        self.textures: list[mi.Texture] = []
+        rows, numbers = [], []
+        for texture, scale in (entry or (None, 0.0) for entry in entries):
+            row, number = [scale] * width, 0
+            if texture is not None:
+                colour = constant(texture)
+                if colour is None:
+                    number = self._number(texture, what)
+                else:
+                    _refuse_out_of_range(texture, colour, what, most)
+                    row = [scale * channel for channel in (colour * width)[:width]]
+            rows.append(row)
+            numbers.append([number])
+        self.present = any(value != 0 for row in rows for value in row)
+        self._rows = column(rows)
+        self._numbers = index_column(numbers)
+
+    def at(self, material: Any, si: mi.SurfaceInteraction3f | None, active: Any) -> Any:
+        """Value for the row `material` at the surface point `si`, which only textures look at."""
+        value = fetch(self._kind, self._rows, material, active)
+        if self.textures:
+            number = fetch(mi.UInt32, self._numbers, material, active)
+            for i, texture in enumerate(self.textures):
+                here = active & (number == i + 1)
+                if self._kind is mi.Float:
+                    factor = dr.clip(texture.eval_1(si, here), 0, self._most)
+                else:
+                    factor = texture.eval(si, here)
+                value = dr.select(here, value * factor, value)
+        return value
+
+    def _number(self, texture: mi.Texture, what: str) -> int:
+        if texture.class_name() not in TEXTURES:
+            raise SceneError(
+                f"texture `{texture.id()}`: {texture.class_name()} is not handled as {what}; "
+                "allowed are checkerboard, bitmap and constant colours"
+            )
+        if texture not in self.textures:
+            self.textures.append(texture)
+        return self.textures.index(texture) + 1
+
+
+def _refuse_out_of_range(texture: mi.Texture, colour: list[float], what: str, most: float) -> None:
+    for value in colour:
+        if not 0 <= value <= most:  # a NaN is in no range
+            raise SceneError(f"{what} `{texture.id()}`: {value:g} is out of range; allowed is 0 to {most:g}")
+
+
+class Materials:
+    """All materials of a scene, by the rows of the shapes that wear them."""
+
+    def __init__(self, graph: SceneGraph) -> None:
+        rows: dict[mi.BSDF, tuple[int, int]] = {}
+        materials = [BLACK]  # row 0: what is seen of a one-sided surface from behind
+        wearing = []
+        for shape in graph.all_shapes:
+            bsdf = shape.bsdf()
+            if bsdf not in rows:
+                front, behind = material_of(graph, bsdf, shape)
+                rows[bsdf] = (len(materials), len(materials) + 1 if behind else 0)
+                materials += [front, behind] if behind else [front]
+            wearing.append(rows[bsdf])
+        self.two_sided = any(behind for _, behind in wearing)
+        self._rows_of_shape = index_column(wearing)
+
+        colour = mi.Spectrum
+        self.k_d = Coefficient(colour, [m.k_d for m in materials], "diffuse reflectance", 1)
+        self.k_s = Coefficient(colour, [m.k_s for m in materials], "specular reflectance", 1)
+        self.k_m = Coefficient(colour, [m.k_m for m in materials], "mirror reflectance", 1)
+        self.k_a = Coefficient(colour, [m.k_a for m in materials], "ambient reflectance", 1)
+        self.exponent = Coefficient(mi.Float, [m.exponent for m in materials], "exponent", 1e7)
+
+    def row_of(self, shape: Any, from_behind: Any, active: Any) -> Any:
+        """Row of the material that shape row `shape` shows on this side."""
+        if not self.two_sided:
+            return fetch(mi.Vector2u, self._rows_of_shape, shape, active).x
+        rows = fetch(mi.Vector2u, self._rows_of_shape, shape, active)
+        return dr.select(from_behind, rows.y, rows.x)

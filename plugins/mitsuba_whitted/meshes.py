@@ -1,0 +1,147 @@
+"""Triangle meshes as tables: all meshes of a scene one after another in shared buffers."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_whitted import precise
+from mitsuba_whitted.errors import SceneError
+from mitsuba_whitted.scene_graph import SceneGraph
+from mitsuba_whitted.tables import fetch, index_column, stored
+
+
+class MeshHit(NamedTuple):
+    """A hit on a triangle; the normals are those of Mitsuba before `sign` is applied."""
+
+    p: Any
+    n: Any
+    n_g: Any
+    uv: Any
+    sign: Any
+
+
+class Meshes:
+    """Vertices, faces and face normals of all meshes, and the exact hit on one of their triangles.
+
+    A face's normal is computed in float64 at load: from float32 edges it would be wrong by u times the aspect
+    ratio of the triangle. Vertices of face f of shape s are at ``faces[3 (first_face[s] + f) ...]``.
+    """
+
+    def __init__(self, graph: SceneGraph, shapes: list[mi.Shape]) -> None:
+        parts = [_Part(graph, shape) if _triangles(shape) else None for shape in shapes]
+        meshes = [part for part in parts if part]
+        self.smooth = any(len(part.normals) for part in meshes)
+        if not meshes:
+            return
+
+        first_face, first_vertex, faces, rows = 0, 0, [], []
+        for part in parts:
+            rows.append((first_face, part.flags, 0, 0) if part else (0, 0, 0, 0))
+            if part:
+                faces.append(part.faces + first_vertex)
+                first_face += len(part.faces)
+                first_vertex += len(part.positions)
+        self._rows = index_column(rows)
+        self._faces = stored(mi.UInt32, np.concatenate(faces))
+        self._positions = stored(mi.Float, np.concatenate([part.positions for part in meshes]))
+        self._face_normals = stored(mi.Float, np.concatenate([part.face_normals for part in meshes]))
+        if self.smooth:
+            self._normals = stored(mi.Float, np.concatenate([part.padded(part.normals, 3) for part in meshes]))
+        self._has_texcoords = any(len(part.texcoords) for part in meshes)
+        if self._has_texcoords:
+            self._texcoords = stored(
+                mi.Float, np.concatenate([part.padded(part.texcoords, 2) for part in meshes])
+            )
+
+    def hit(
+        self, pi: mi.PreliminaryIntersection3f, o: Any, d: Any, shape: Any, with_uv: bool, active: Any
+    ) -> MeshHit:
+        """Compute the hit on triangle ``pi.prim_index`` of mesh `shape` by the ray from `o` along `d`."""
+        row = fetch(mi.Vector4u, self._rows, shape, active)
+        flags = row.y
+        face = row.x + pi.prim_index
+        corner = fetch(mi.Vector3u, self._faces, face, active)
+        n_g = fetch(mi.Normal3f, self._face_normals, face, active)
+        v0 = fetch(mi.Point3f, self._positions, corner.x, active)
+        p = mi.Point3f(precise.plane_point(o, d, v0, n_g))
+        n, uv = n_g, mi.Point2f(0)
+
+        if self.smooth or with_uv:
+            v1 = fetch(mi.Point3f, self._positions, corner.y, active)
+            v2 = fetch(mi.Point3f, self._positions, corner.z, active)
+            beta, gamma = precise.barycentric(p, v0, v1, v2)
+        if self.smooth:
+            n_i = [fetch(mi.Normal3f, self._normals, corner[i], active) for i in range(3)]
+            smooth = mi.Normal3f(dr.normalize(_interpolate(beta, gamma, *n_i)))
+            n = dr.select((flags & _SMOOTH) != 0, smooth, n)
+        if with_uv:
+            uv = mi.Point2f(beta, gamma)
+            if self._has_texcoords:
+                uv_i = [fetch(mi.Point2f, self._texcoords, corner[i], active) for i in range(3)]
+                uv = dr.select((flags & _TEXCOORDS) != 0, _interpolate(beta, gamma, *uv_i), uv)
+        return MeshHit(p, n, n_g, uv, dr.select((flags & _FLIPPED) != 0, mi.Float(-1), mi.Float(1)))
+
+
+_SMOOTH, _TEXCOORDS, _FLIPPED = 1, 2, 4
+
+
+def _interpolate(beta: Any, gamma: Any, x0: Any, x1: Any, x2: Any) -> Any:
+    return dr.fma(x2 - x0, gamma, dr.fma(x1 - x0, beta, x0))
+
+
+def _triangles(shape: mi.Shape) -> bool:
+    """Whether the hit is on a triangle; a rectangle is a mesh to Mitsuba but one parallelogram to us."""
+    return bool(shape.is_mesh()) and shape.class_name() != "Rectangle"
+
+
+class _Part:
+    """One mesh on its way into the shared buffers."""
+
+    def __init__(self, graph: SceneGraph, mesh: mi.Mesh) -> None:
+        self.positions = _buffer(graph, mesh, "vertex_positions", np.float32, 3)
+        self.normals = _buffer(graph, mesh, "vertex_normals", np.float32, 3)
+        self.texcoords = _buffer(graph, mesh, "vertex_texcoords", np.float32, 2)
+        self.faces = _buffer(graph, mesh, "faces", np.uint32, 3)
+        for name in ("positions", "normals", "texcoords"):
+            wrong = np.flatnonzero(~np.isfinite(getattr(self, name)).all(axis=1))
+            if len(wrong):
+                raise SceneError(
+                    f"shape `{mesh.id()}`: vertex {wrong[0]} has {name} {getattr(self, name)[wrong[0]].tolist()}; "
+                    "they must be finite"
+                )
+        self.face_normals = self._face_normals()
+        if type(mesh).__name__ == "Polygon":
+            self._flatten()
+        self.flags = (
+            _SMOOTH * bool(len(self.normals))
+            + _TEXCOORDS * bool(len(self.texcoords))
+            + _FLIPPED * bool(mesh.has_flipped_normals())
+        )
+
+    def padded(self, values: NDArray[Any], width: int) -> NDArray[Any]:
+        """Give a mesh that lacks `values` zeros, so that one vertex number serves all buffers."""
+        return values if len(values) else np.zeros((len(self.positions), width), np.float32)
+
+    def _face_normals(self) -> NDArray[np.float64]:
+        v0, v1, v2 = np.moveaxis(self.positions.astype(np.float64)[self.faces], 1, 0)
+        normals = np.cross(v1 - v0, v2 - v0)
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)  # zero area: never hit
+
+    def _flatten(self) -> None:
+        """Put all of a polygon on its one plane, that of its first vertex and normal: see `polygon.py`."""
+        a, n = self.positions[0].astype(np.float64), self.normals[0].astype(np.float64)
+        n /= np.linalg.norm(n)
+        off = (self.positions - a) @ n
+        self.positions = (self.positions - off[:, None] * n).astype(np.float32)
+        self.face_normals = np.broadcast_to(n, self.face_normals.shape)
+        self.normals = self.normals[:0]
+
+
+def _buffer(graph: SceneGraph, mesh: mi.Mesh, name: str, kind: Any, width: int) -> NDArray[Any]:
+    return np.array(graph.value(mesh, name), dtype=kind).reshape(-1, width)

@@ -1,0 +1,152 @@
+"""What Mitsuba loaded: its objects, their parameters and children, and whether anything was edited since."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+
+@dataclass
+class Node:
+    """One object of the scene graph, as its own ``traverse()`` describes it."""
+
+    values: dict[str, tuple[Any, Any]] = field(default_factory=dict)
+    """Name of each parameter: where its value is kept, and the type it has there."""
+    children: dict[str, mi.Object] = field(default_factory=dict)
+
+
+class SceneGraph:
+    """Shapes, shape groups and emitters of a scene and everything below them; sensors are left out.
+
+    A kept graph answers at once what ``mi.traverse`` would have to walk for again. It holds the scene's
+    objects but not the scene, which holds its integrator, which may hold this graph.
+    """
+
+    def __init__(self, scene: mi.Scene) -> None:
+        self.shapes: list[mi.Shape] = scene.shapes()
+        self.emitters: list[mi.Emitter] = scene.emitters()
+        self.environment: mi.Emitter | None = scene.environment()
+        self.nodes: dict[mi.Object, Node] = {}
+
+        top = _children(scene)
+        self.groups: list[mi.Shape] = [
+            child for child in top if isinstance(child, mi.Shape) and child.class_name() == "ShapeGroupPlugin"
+        ]
+        for root in [*self.shapes, *self.groups, *self.emitters]:
+            self._walk(root)
+
+        self.members = {
+            group: [child for child in self.nodes[group].children.values() if isinstance(child, mi.Shape)]
+            for group in self.groups
+        }
+        """The shapes of each group, in the order in which Mitsuba numbers them."""
+        self.instances = [shape for shape in self.shapes if shape.class_name() == "Instance"]
+        plain = [shape for shape in self.shapes if shape.class_name() != "Instance"]
+        self.all_shapes = plain + [member for group in self.groups for member in self.members[group]]
+        """Every shape that a ray can meet."""
+        self.bsdfs = [shape.bsdf() for shape in self.all_shapes]
+
+        self._shape_values = self._values_of(lambda owner: isinstance(owner, mi.Shape))
+        self._other_values = self._values_of(lambda owner: not isinstance(owner, mi.Shape))
+
+    def describes(self, scene: mi.Scene) -> bool:
+        """Whether `scene` still has the objects of this graph; cheap, 0.1 ms for 200 shapes."""
+        return (
+            self.shapes == scene.shapes()
+            and self.emitters == scene.emitters()
+            and self.bsdfs == [shape.bsdf() for shape in self.all_shapes]
+        )
+
+    def value(self, owner: mi.Object, name: str) -> Any:
+        """Read parameter `name` of `owner` as it is now."""
+        return read(*self.nodes[owner].values[name], owner)
+
+    def child(self, owner: mi.Object, name: str) -> mi.Object | None:
+        """Child `name` of `owner`, or None."""
+        return self.nodes[owner].children.get(name)
+
+    def geometry_stamp(self) -> Stamp:
+        """Identify the present values of all shapes' own parameters: two equal stamps, no edit between."""
+        return Stamp(self._shape_values)
+
+    def appearance_stamp(self) -> Stamp:
+        """The same for materials, textures and emitters."""
+        return Stamp(self._other_values)
+
+    def _walk(self, owner: mi.Object) -> None:
+        if owner in self.nodes:
+            return
+        node = self.nodes[owner] = Node()
+        owner.traverse(Recorder.for_node(node))
+        for child in node.children.values():
+            self._walk(child)
+
+    def _values_of(self, belongs: Any) -> list[tuple[Any, Any, mi.Object]]:
+        return [
+            (where, kind, owner)
+            for owner, node in self.nodes.items()
+            if belongs(owner)
+            for where, kind in node.values.values()
+        ]
+
+
+class Stamp:
+    """The identities of a set of values.
+
+    Dr.Jit gives every new array a new index, and reuses the index of an array that nobody holds; so the stamp
+    holds the arrays, and equal indices then mean that nothing was replaced. Plain numbers are compared as such.
+    """
+
+    def __init__(self, places: list[tuple[Any, Any, mi.Object]]) -> None:
+        self._held = [read(where, kind, owner) for where, kind, owner in places]
+        self._indices = dr.detail.collect_indices(self._held)
+        self._numbers = [value for value in self._held if isinstance(value, (bool, int, float))]
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Stamp) or not dr.is_jit_v(mi.Float):
+            return False  # without Dr.Jit there are no indices to compare: everything counts as edited
+        return self._indices == other._indices and self._numbers == other._numbers
+
+    __hash__ = None  # type: ignore[assignment]  # mutable things are compared, never looked up
+
+
+class Recorder:
+    """Makes the callback that Mitsuba's ``traverse()`` fills; a class of Mitsuba, hence made when needed."""
+
+    @staticmethod
+    def for_node(node: Node) -> mi.TraversalCallback:
+        class Recorder(mi.TraversalCallback):  # type: ignore[misc]
+            def put(self, name: str, value: Any, flags: int, cpptype: Any = None) -> None:
+                if isinstance(value, mi.Object):
+                    self.put_object(name, value, flags)
+                else:
+                    self.put_value(name, value, flags, cpptype)
+
+            def put_value(self, name: str, value: Any, flags: int, cpptype: Any) -> None:
+                node.values[name] = (value, cpptype)
+
+            def put_object(self, name: str, value: mi.Object | None, flags: int) -> None:
+                if value is not None:
+                    while name in node.children:  # unnamed members of a group all come as `shape`
+                        name += "_"
+                    node.children[name] = value
+
+        return Recorder()
+
+
+def _children(owner: mi.Object) -> list[mi.Object]:
+    node = Node()
+    owner.traverse(Recorder.for_node(node))
+    return list(node.children.values())
+
+
+def read(where: Any, kind: Any, owner: mi.Object) -> Any:
+    return where if kind is None else mi.get_property(where, kind, owner)
+
+
+def number(value: Any) -> float:
+    """Take the one number out of a value of Mitsuba, whatever the variant stores it in."""
+    return float(value[0]) if dr.is_jit_v(value) else float(value)
