@@ -104,9 +104,8 @@ mi.load_dict({{"type": {plugin!r}, "id": "mine"}})
 
 
 def test_other_plugins_still_load_in_a_spectral_variant() -> None:
-    done(
-        'import mitsuba_whitted, mitsuba as mi\nmi.set_variant("scalar_spectral")\nmi.load_dict({"type": "path"})'
-    )
+    code = 'import mitsuba_whitted, mitsuba as mi\nmi.set_variant("scalar_spectral")\n'
+    done(code + 'mi.load_dict({"type": "path"})')
 
 
 def test_the_entry_point_of_mitsuba_names_the_package() -> None:

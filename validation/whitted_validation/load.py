@@ -40,14 +40,18 @@ def load(seen: Scene, folders: Sequence[Path], defines: Mapping[str, str]) -> Lo
     Refusal
         With the file, line and element, where Mitsuba tells them.
     """
-    resolver = mi.file_resolver()  # type: ignore[operator]  # its stub takes it for an object
-    resolver.erase(str(Path.cwd()))
-    for folder in folders:
-        resolver.append(str(folder))
+    usual = mi.file_resolver()  # type: ignore[operator]  # its stub takes it for an object
+    resolver = mi.FileResolver()
+    resolver.clear()
+    for folder in [*folders, *(path for path in usual if path != Path.cwd())]:
+        resolver.append(folder)
+    mi.set_file_resolver(resolver)  # type: ignore[operator]  # likewise
     try:
         scene = mi.load_file(str(seen.file), optimize=False, **defines)  # type: ignore[arg-type]  # keywords
     except (RuntimeError, ValueError, TypeError) as error:
         raise messages.refusal(error, seen) from None
+    finally:
+        mi.set_file_resolver(usual)  # type: ignore[operator]
     _check_numbers(scene, seen.file)
     integrator = scene.integrator()
     if integrator is not None and integrator.class_name() == "Whitted":
