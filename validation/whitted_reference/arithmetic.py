@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 from whitted_reference.vectors import Number
@@ -21,6 +22,7 @@ class Arithmetic:
     Attributes
     ----------
     of : the number equal to a float (or the enclosure of it alone)
+    ratio : the number closest to a fraction
     approximate : the nearest float
     sqrt, exp, log1p, power, atan2 : the functions of that name; `power(x, y)` for x >= 0
     floor : the whole number below, as an int
@@ -31,6 +33,7 @@ class Arithmetic:
 
     name: str
     of: Callable[[float], Number]
+    ratio: Callable[[Fraction], Number]
     approximate: Callable[[Number], float]
     sqrt: Callable[[Number], Number]
     exp: Callable[[Number], Number]
@@ -55,6 +58,7 @@ CLOSENESS = 2.0**-40
 FLOAT = Arithmetic(
     name="float",
     of=float,
+    ratio=float,
     approximate=float,
     sqrt=math.sqrt,
     exp=math.exp,

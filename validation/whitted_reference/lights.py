@@ -5,7 +5,7 @@ from __future__ import annotations
 from whitted_reference import scene
 from whitted_reference.arithmetic import Arithmetic
 from whitted_reference.transforms import inverse_linear
-from whitted_reference.vectors import Colour, Number, dot
+from whitted_reference.vectors import Colour, Number
 
 # Unit vector towards the light, its distance, and the colour that arrives where nothing blocks it.
 Arrival = tuple[Number, Number, Number, Number, Colour]
@@ -59,14 +59,14 @@ class Spot(Point):
 
     def __init__(self, light: scene.SpotLight, falloff: bool, arithmetic: Arithmetic) -> None:
         super().__init__(light, falloff, arithmetic)
-        self._to_local = [arithmetic.vec(row) for row in inverse_linear(light.to_world.matrix)]
+        self._to_local = [[arithmetic.ratio(x) for x in row] for row in inverse_linear(light.to_world.matrix)]
         self._cutoff = arithmetic.of(light.cutoff_angle)
         self._beam = arithmetic.of(light.beam_width)
         self._atan2 = arithmetic.atan2
 
     def angle(self, lx: Number, ly: Number, lz: Number) -> Number:
         """Return theta of the direction (-lx, -ly, -lz) away from the light."""
-        x, y, z = (-dot(row, (lx, ly, lz)) for row in self._to_local)
+        x, y, z = (-(a * lx + b * ly + c * lz) for a, b, c in self._to_local)
         return self._atan2(self._sqrt(x * x + y * y), z)
 
     def share(self, theta: Number) -> Number:

@@ -173,16 +173,19 @@ class Polygon:
     flip: bool
 
 
+Solid = Sphere | Rectangle | Disk | Cylinder | Mesh | Polygon
+
+
 @dataclass(frozen=True)
 class Instance:
     """A group of shapes seen through a transform."""
 
     id: str
     to_world: Affine
-    shapes: tuple[Shape, ...]
+    shapes: tuple[Solid, ...]
 
 
-Shape = Sphere | Rectangle | Disk | Cylinder | Mesh | Polygon | Instance
+Shape = Solid | Instance
 
 
 # ------------------------------------------------------------------------------------------------ lights

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from whitted_reference import float32, mesh_files, scene, transforms
+from whitted_reference import float32, mesh_files, polygon, scene, transforms
 from whitted_reference.elements import Document, Files
 from whitted_reference.errors import NotDefined, SceneError
 from whitted_reference.png import read_png
@@ -156,7 +156,7 @@ def _length32(v: Row3) -> float:
     return near(math.sqrt(near(near(near(v[0] * v[0]) + near(v[1] * v[1])) + near(v[2] * v[2]))))
 
 
-def _sphere(p: Properties, look: scene.Look) -> scene.Shape:
+def _sphere(p: Properties, look: scene.Look) -> scene.Solid:
     radius = p.single("radius", 1.0)
     if radius == 0.0:
         raise p.refuse("radius is 0; allowed: other numbers")
@@ -168,7 +168,7 @@ def _sphere(p: Properties, look: scene.Look) -> scene.Shape:
     return scene.Sphere(look, m.column(3), _length32(m.column(0)), m, inward)
 
 
-def _cylinder(p: Properties, look: scene.Look) -> scene.Shape:
+def _cylinder(p: Properties, look: scene.Look) -> scene.Solid:
     near = float32.nearest
     radius = p.single("radius", 1.0)
     p0, p1 = p.vec("p0", (0.0, 0.0, 0.0)), p.vec("p1", (0.0, 0.0, 1.0))
@@ -184,16 +184,16 @@ def _cylinder(p: Properties, look: scene.Look) -> scene.Shape:
     return scene.Cylinder(look, m, p.boolean("flip_normals", False))
 
 
-def _rectangle(p: Properties, look: scene.Look) -> scene.Shape:
+def _rectangle(p: Properties, look: scene.Look) -> scene.Solid:
     p.boolean("face_normals", False)
     return scene.Rectangle(look, p.transform(), p.boolean("flip_normals", False))
 
 
-def _disk(p: Properties, look: scene.Look) -> scene.Shape:
+def _disk(p: Properties, look: scene.Look) -> scene.Solid:
     return scene.Disk(look, p.transform(), p.boolean("flip_normals", False))
 
 
-def _cube(p: Properties, look: scene.Look) -> scene.Shape:
+def _cube(p: Properties, look: scene.Look) -> scene.Solid:
     p.boolean("face_normals", False)
     vertices: list[Row3] = []
     normals: list[Row3] = []
@@ -219,7 +219,7 @@ _CUBE_FACES: tuple[tuple[Row3, tuple[Row3, ...]], ...] = (
 )
 
 
-def _mesh_file(p: Properties, look: scene.Look) -> scene.Shape:
+def _mesh_file(p: Properties, look: scene.Look) -> scene.Solid:
     raw = mesh_files.read_ply(p.file()) if p.type == "ply" else mesh_files.read_obj(p.file())
     if p.boolean("flip_tex_coords", p.type == "obj") and raw.uvs is not None:
         raw.uvs = [(u, float32.nearest(1.0 - v)) for u, v in raw.uvs]
@@ -250,7 +250,43 @@ def _finite(p: Properties, v: Row3) -> Row3:
     return v
 
 
-_SHAPES: dict[str, Callable[[Properties, scene.Look], scene.Shape]] = {
+def _polygon(p: Properties, look: scene.Look) -> scene.Solid:
+    material = look.material
+    sides = (material.front, material.behind) if isinstance(material, scene.TwoSided) else (material,)
+    if any(map(_is_textured, sides)):
+        raise p.not_defined("polygon with a texture")
+    m = p.transform()
+    text = p.string("vertices", None)
+    rings = tuple(_ring(p, m, part) for part in text.split(";"))
+    normal = p.vec("normal", (0.0, 0.0, 0.0)) if p.has("normal") else None
+    shape = scene.Polygon(look, m, rings, normal, p.boolean("flip_normals", False))
+    if normal is not None and not any(normal):
+        raise p.refuse("`normal` is zero; allowed: other vectors")
+    try:
+        polygon.check(shape)
+    except SceneError as error:
+        raise p.refuse(str(error)) from None
+    return shape
+
+
+def _ring(p: Properties, m: Affine, text: str) -> tuple[Row3, ...]:
+    vertices = []
+    for token in text.split():
+        parts = token.split(",")
+        if len(parts) != 3:
+            raise p.refuse(f"`vertices` holds `{token}`; allowed: x,y,z separated by spaces, rings by `;`")
+        x, y, z = (float32.nearest(parse_number(part, f"{p.where} `vertices`")) for part in parts)
+        vertices.append(_finite(p, m.point32((x, y, z))))
+    if len(vertices) < 3:
+        raise p.refuse(f"a ring of `vertices` has {len(vertices)} vertices; allowed: from 3")
+    return tuple(vertices)
+
+
+def _is_textured(material: scene.OneSided) -> bool:
+    return any(isinstance(value, scene.Checkerboard | scene.Bitmap) for value in vars(material).values())
+
+
+_SHAPES: dict[str, Callable[[Properties, scene.Look], scene.Solid]] = {
     "sphere": _sphere,
     "rectangle": _rectangle,
     "disk": _disk,
@@ -258,16 +294,47 @@ _SHAPES: dict[str, Callable[[Properties, scene.Look], scene.Shape]] = {
     "cube": _cube,
     "ply": _mesh_file,
     "obj": _mesh_file,
+    "polygon": _polygon,
 }
 
 
-def _shape(p: Properties, number: int) -> scene.Shape:
+def _solid(p: Properties, number: int) -> scene.Solid:
     if p.type not in _SHAPES:
         raise p.not_defined()
     look = _look(p, number)
     shape = _SHAPES[p.type](p, look)
     p.done()
     return shape
+
+
+def _group(p: Properties) -> tuple[scene.Solid, ...]:
+    solids = tuple(_solid(child, i) for i, child in enumerate(p.take_objects("shape")))
+    for solid in solids:
+        if solid.look.emission is not None:
+            raise p.refuse(
+                f"`{solid.look.id}` is an area light; allowed in a group: shapes that do not shine"
+            )
+    p.done()
+    return solids
+
+
+def _instance(p: Properties, number: int) -> scene.Instance:
+    groups = p.take_objects("shape")
+    if [group.type for group in groups] != ["shapegroup"]:
+        raise p.refuse("an instance refers to exactly one shapegroup")
+    m = p.transform()
+    p.done()
+    return scene.Instance(p.element.attributes.get("id", f"instance_{number}"), m, _group(groups[0]))
+
+
+def _shapes(nested: Sequence[Properties]) -> Iterator[scene.Shape]:
+    for number, p in enumerate(nested):
+        if p.type == "shapegroup":
+            _group(p)  # drawn only where an instance refers to it
+        elif p.type == "instance":
+            yield _instance(p, number)
+        else:
+            yield _solid(p, number)
 
 
 # ------------------------------------------------------------------------------------------------ lights
@@ -477,20 +544,12 @@ def _read_scene(p: Properties) -> scene.Scene:
             messages.append(f"{child.where}: emitter constant is seen as the background and lights nothing")
         else:
             lights.append(_light(child, i))
-    shapes = tuple(_shape(child, i) for i, child in enumerate(p.take_objects("shape")))
-    for shape in _leaves(shapes):
-        if shape.look.emission is not None:
+    shapes = tuple(_shapes(p.take_objects("shape")))
+    for shape in shapes:
+        if not isinstance(shape, scene.Instance) and shape.look.emission is not None:
             messages.append(f"area light of `{shape.look.id}` is seen and lights nothing")
     p.done()
     name = Path(p.where.split(":")[0]).stem
     return scene.Scene(
         name, settings, sensors, shapes, tuple(lights), background or (0.0, 0.0, 0.0), tuple(messages)
     )
-
-
-def _leaves(shapes: Sequence[scene.Shape]) -> Iterator[scene.Sphere | scene.Mesh]:
-    for shape in shapes:
-        if isinstance(shape, scene.Instance):
-            yield from _leaves(shape.shapes)
-        else:
-            yield shape  # type: ignore[misc]

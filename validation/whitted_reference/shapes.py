@@ -17,6 +17,7 @@ needs into locals once. Numbers are of any arithmetic (see `arithmetic`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -93,12 +94,14 @@ class Primitive:
         raise NotImplementedError
 
 
-def _unit(v: Vec, arithmetic: Arithmetic) -> Vec:
+def unit(v: Vec, arithmetic: Arithmetic) -> Vec:
+    """Return v / |v|."""
     length = arithmetic.sqrt(dot(v, v))
     return v[0] / length, v[1] / length, v[2] / length
 
 
-def _turned(g: Vec, n: Vec) -> Vec:
+def turned(g: Vec, n: Vec) -> Vec:
+    """Return g or -g, whichever lies on n's side."""
     return negated(g) if dot(g, n) < 0 else g
 
 
@@ -108,7 +111,8 @@ def _azimuth(x: Number, y: Number, arithmetic: Arithmetic) -> Number:
     return turn + 1 if turn < 0 else turn
 
 
-def _box_of(points: list[tuple[float, ...]]) -> Box:
+def box_of(points: Sequence[tuple[float, ...]]) -> Box:
+    """Return the box around points."""
     xs, ys, zs = zip(*points, strict=True)
     return min(xs), min(ys), min(zs), max(xs), max(ys), max(zs)
 
@@ -132,7 +136,7 @@ class Sphere(Primitive):
         self._inward = shape.inward
         self._axes = [arithmetic.vec(shape.to_world.column(j)) for j in range(3)]
         centre, r = shape.centre, shape.radius
-        self.box = _box_of([tuple(c - r for c in centre), tuple(c + r for c in centre)])
+        self.box = box_of([tuple(c - r for c in centre), tuple(c + r for c in centre)])
 
     def hit(
         self,
@@ -224,9 +228,9 @@ class _Flat(Primitive):
         to_y = scaled(cross(normal, a), 1 / squared)
         self.data = (*c, *normal, *to_x, *to_y)
         self._arithmetic = arithmetic
-        n = _unit(arithmetic.vec(to_world.normal_column(2)), arithmetic)
+        n = unit(arithmetic.vec(to_world.normal_column(2)), arithmetic)
         self._n = negated(n) if flip else n
-        self._g = _turned(_unit(normal, arithmetic), self._n)
+        self._g = turned(unit(normal, arithmetic), self._n)
 
     def normals(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Vec, Vec]:
         """Return M^-T z (reversed if flipped) and a x b, everywhere the same."""
@@ -248,7 +252,7 @@ class Parallelogram(_Flat):
         super().__init__(shape.to_world, shape.flip, arithmetic)
         a, b, c = (shape.to_world.column(j) for j in (0, 1, 3))
         corners = [(x, y) for x in (-1, 1) for y in (-1, 1)]
-        self.box = _box_of([tuple(c[i] + x * a[i] + y * b[i] for i in range(3)) for x, y in corners])
+        self.box = box_of([tuple(c[i] + x * a[i] + y * b[i] for i in range(3)) for x, y in corners])
 
     def hit(
         self,
@@ -293,7 +297,7 @@ class Disk(_Flat):
         super().__init__(shape.to_world, shape.flip, arithmetic)
         a, b, c = (shape.to_world.column(j) for j in (0, 1, 3))
         reach = [abs(a[i]) + abs(b[i]) for i in range(3)]
-        self.box = _box_of([tuple(c[i] + s * reach[i] for i in range(3)) for s in (-1, 1)])
+        self.box = box_of([tuple(c[i] + s * reach[i] for i in range(3)) for s in (-1, 1)])
 
     def hit(
         self,
@@ -346,11 +350,11 @@ class Cylinder(Primitive):
         self._inward = shape.inward
         a, b, axis, base = (arithmetic.vec(shape.to_world.column(j)) for j in range(4))
         length = arithmetic.sqrt(dot(axis, axis))
-        self.data = (*base, *_unit(axis, arithmetic), length, dot(a, a))
+        self.data = (*base, *unit(axis, arithmetic), length, dot(a, a))
         self._axes = (a, b)
         columns = [shape.to_world.column(j) for j in range(4)]
         reach = [abs(columns[0][i]) + abs(columns[1][i]) for i in range(3)]
-        self.box = _box_of(
+        self.box = box_of(
             [
                 tuple(columns[3][i] + h * columns[2][i] + s * reach[i] for i in range(3))
                 for h in (0, 1)
@@ -444,7 +448,7 @@ class Cylinder(Primitive):
 
     def normals(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Vec, Vec]:
         """Return the direction away from the axis (towards it, if flipped) twice."""
-        n = _unit(self._across(p)[0], self._arithmetic)
+        n = unit(self._across(p)[0], self._arithmetic)
         if self._inward:
             n = negated(n)
         return n, n
@@ -481,13 +485,13 @@ class Triangle(Primitive):
         winding = cross(sub(b, a), sub(c, a))
         ordered = [x for corner in sorted(corners) for x in arithmetic.vec(corner)]
         self.data = (*ordered, *winding)
-        self._g = _unit(winding, arithmetic)
+        self._g = unit(winding, arithmetic)
         if flip:
             self._g = negated(self._g)
             normals = (negated(normals[0]), negated(normals[1]), negated(normals[2])) if normals else None
         self._normals = normals
         self._uvs = [arithmetic.vec(uv) for uv in uvs] if uvs else None
-        self.box = _box_of(list(corners))
+        self.box = box_of(list(corners))
 
     def hit(
         self,
@@ -538,10 +542,10 @@ class Triangle(Primitive):
             return self._g, self._g
         beta, gamma = self._weights(e, d)
         n0, n1, n2 = self._normals
-        n = _unit(
+        n = unit(
             add(add(scaled(n0, 1 - beta - gamma), scaled(n1, beta)), scaled(n2, gamma)), self._arithmetic
         )
-        return n, _turned(self._g, n)
+        return n, turned(self._g, n)
 
     def uv(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Number, Number]:
         """Return the interpolated uv, or without any (beta, gamma)."""
@@ -584,7 +588,7 @@ def _vertex_normals(mesh: scene.Mesh, arithmetic: Arithmetic) -> list[Vec] | Non
     if mesh.normals is not None:
         rows = [arithmetic.vec(row) for row in mesh.to_world.normal]
         vectors = [arithmetic.vec(n) for n in mesh.normals]
-        return [_unit((dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)), arithmetic) for v in vectors]
+        return [unit((dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)), arithmetic) for v in vectors]
     if not mesh.smooth:
         return None
     return _angle_weighted(mesh, arithmetic)
@@ -599,7 +603,7 @@ def _angle_weighted(mesh: scene.Mesh, arithmetic: Arithmetic) -> list[Vec]:
         if _is_degenerate(*(mesh.vertices[i] for i in face)):
             continue
         corners = [points[i] for i in face]
-        n = _unit(cross(sub(corners[1], corners[0]), sub(corners[2], corners[0])), arithmetic)
+        n = unit(cross(sub(corners[1], corners[0]), sub(corners[2], corners[0])), arithmetic)
         for k in range(3):
             to_next, to_last = sub(corners[k - 2], corners[k]), sub(corners[k - 1], corners[k])
             turn = cross(to_next, to_last)
@@ -607,4 +611,4 @@ def _angle_weighted(mesh: scene.Mesh, arithmetic: Arithmetic) -> list[Vec]:
             sums[face[k]] = add(sums[face[k]], scaled(n, angle))
     # A vertex of no face, or one whose faces cancel, gets x: Mitsuba's choice.
     unused: Vec = arithmetic.vec((1.0, 0.0, 0.0))
-    return [_unit(n, arithmetic) if any(n) else unused for n in sums]
+    return [unit(n, arithmetic) if any(n) else unused for n in sums]

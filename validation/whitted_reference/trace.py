@@ -7,12 +7,15 @@ shading, section 4.8 for mirrors); Blinn 1977 for the half vector.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from whitted_reference import lights, scene
 from whitted_reference.arithmetic import FLOAT, Arithmetic
 from whitted_reference.bvh import hierarchy_or_everything
 from whitted_reference.camera import Camera
+from whitted_reference.instances import Placed
 from whitted_reference.materials import SMALL_EXPONENT, Material
+from whitted_reference.polygon import Polygon
 from whitted_reference.shapes import Cylinder, Disk, Parallelogram, Primitive, Sphere, Surface, triangles
 from whitted_reference.vectors import BLACK, WHITE, Colour, Number, Vec, cross, dot
 
@@ -234,14 +237,18 @@ def _primitives(
     """Build the primitives of all shapes, in the order of the file."""
     for shape in shapes:
         if isinstance(shape, scene.Instance):
-            raise TypeError(shape)
-        surface = _surface(shape.look, settings, arithmetic)
-        for primitive in _of_shape(shape, arithmetic):
-            primitive.surface = surface
-            yield primitive
+            for inner in _primitives(shape.shapes, settings, arithmetic):
+                placed = Placed(inner, shape.to_world, arithmetic)
+                placed.surface = replace(inner.surface, id=f"{shape.id}/{inner.surface.id}")
+                yield placed
+        else:
+            surface = _surface(shape.look, settings, arithmetic)
+            for primitive in _of_shape(shape, arithmetic):
+                primitive.surface = surface
+                yield primitive
 
 
-def _of_shape(shape: scene.Shape, arithmetic: Arithmetic) -> list[Primitive]:
+def _of_shape(shape: scene.Solid, arithmetic: Arithmetic) -> list[Primitive]:
     match shape:
         case scene.Sphere():
             return [Sphere(shape, arithmetic)]
@@ -253,7 +260,8 @@ def _of_shape(shape: scene.Shape, arithmetic: Arithmetic) -> list[Primitive]:
             return [Cylinder(shape, arithmetic)]
         case scene.Mesh():
             return triangles(shape, arithmetic)
-    raise TypeError(shape)
+        case scene.Polygon():
+            return [Polygon(shape, arithmetic)]
 
 
 def _surface(look: scene.Look, settings: scene.Settings, arithmetic: Arithmetic) -> Surface:

@@ -156,8 +156,8 @@ def from_matrix(rows: tuple[Row4, Row4, Row4]) -> Affine:
     return Affine(rows, tuple((x * scale, y * scale, z * scale) for x, y, z in cofactors))  # type: ignore[arg-type]
 
 
-def inverse_linear(rows: tuple[Row4, Row4, Row4]) -> tuple[Row3, Row3, Row3]:
-    """Return the inverse of the linear part of a matrix, each entry rounded once to binary64."""
+def inverse_linear(rows: tuple[Row4, Row4, Row4]) -> list[list[Fraction]]:
+    """Return the inverse of the linear part of a matrix, exactly."""
     m = [[Fraction(x) for x in row[:3]] for row in rows]
 
     def cofactor(i: int, j: int) -> Fraction:
@@ -165,7 +165,7 @@ def inverse_linear(rows: tuple[Row4, Row4, Row4]) -> tuple[Row3, Row3, Row3]:
         return m[a][c] * m[b][d] - m[a][d] * m[b][c]
 
     det = sum((m[0][j] * cofactor(0, j) for j in range(3)), Fraction(0))
-    return tuple(tuple(float(cofactor(j, i) / det) for j in range(3)) for i in range(3))  # type: ignore[return-value]
+    return [[cofactor(j, i) / det for j in range(3)] for i in range(3)]
 
 
 def _unit64(v: Row3) -> Row3:
