@@ -49,7 +49,7 @@ def expose(film: mi.Film, n: int, draw: Draw, progress: Progress | None = None) 
         bottom = min(top + rows, height)
         if box and n == 1 and dr.is_jit_v(mi.Float):
             pixel, x, y, inside = _tiles(width, top, bottom)
-            canvas.put(top * width + pixel, *draw(x + 0.5, y + 0.5, inside), inside)
+            canvas.put(pixel, _planes(*draw(x + 0.5, y + 0.5, inside)), inside)
         elif box:
             canvas.put_rows(top, _means(_samples(width, top, bottom, n, draw), n))
         else:
@@ -71,7 +71,7 @@ def _is_box(rfilter: mi.ReconstructionFilter) -> bool:
 
 
 def _tiles(width: int, top: int, bottom: int) -> tuple[Any, Any, Any, Any]:
-    """Number, x and y of the pixels of a band, tile by tile, and whether they are inside it.
+    """Number in the picture, x and y of a band's pixels, tile by tile, and whether they are inside it.
 
     The size of the band is data, so that no other size needs another kernel.
     """
@@ -81,7 +81,8 @@ def _tiles(width: int, top: int, bottom: int) -> tuple[Any, Any, Any, Any]:
     tile, inner = lane // (TILE * TILE), lane % (TILE * TILE)
     x = tile % size.z * TILE + inner % TILE
     y = tile // size.z * TILE + inner // TILE
-    return y * size.x + x, mi.Float(x), mi.Float(y + size.w), (x < size.x) & (y < size.y)
+    inside = (x < size.x) & (y < size.y)
+    return (y + size.w) * size.x + x, mi.Float(x), mi.Float(y + size.w), inside
 
 
 def _samples(width: int, top: int, bottom: int, n: int, draw: Draw) -> Any:
@@ -95,8 +96,7 @@ def _samples(width: int, top: int, bottom: int, n: int, draw: Draw) -> Any:
     pixel, part = lane // (size.z * size.z), lane % (size.z * size.z)
     x = mi.Float(pixel % size.x) + (mi.Float(part % size.z) + 0.5) / mi.Float(size.z)
     y = mi.Float(pixel // size.x + size.y) + (mi.Float(part // size.z) + 0.5) / mi.Float(size.z)
-    colour, hit = draw(x, y, mi.Bool(True))
-    planes = [*colour, dr.select(hit, mi.Float(1), mi.Float(0))]
+    planes = _planes(*draw(x, y, mi.Bool(True)))
     samples = dr.empty(mi.Float, len(planes) * count)
     for i, plane in enumerate(planes):
         dr.scatter(samples, plane, lane + i * count, mode=dr.ReduceMode.Permute)
@@ -109,8 +109,13 @@ def _one_by_one(width: int, top: int, bottom: int, n: int, draw: Draw) -> Iterat
     for y in range(top, bottom):
         for x in range(width):
             for part in range(n * n):
-                colour, hit = draw(x + (part % n + 0.5) / n, y + (part // n + 0.5) / n, True)
-                yield np.array([*colour, float(hit)], np.float32)
+                planes = _planes(*draw(x + (part % n + 0.5) / n, y + (part // n + 0.5) / n, True))
+                yield np.array(planes, np.float32)
+
+
+def _planes(colour: Any, hit: Any) -> list[Any]:
+    """Channels of a sample: its colour, and the alpha."""
+    return [*colour, dr.select(hit, mi.Float(1), mi.Float(0))]
 
 
 def _means(samples: Any, n: int) -> Any:
@@ -157,67 +162,64 @@ def _weight(rfilter: mi.ReconstructionFilter, x: float) -> float:
 
 
 class _Canvas:
-    """The picture under work, in the film's own layout (colour, alpha, weight) and in the user's."""
+    """The picture under work: as the user gets it, and as the film stores it (red, green, blue, alpha?, weight)."""
 
     def __init__(self, film: mi.Film) -> None:
         self._film = film
         self._width, self._height = (int(size) for size in film.crop_size())
         self._alpha = bool(film.flags() & +mi.FilmFlags.Alpha)
-        self._channels = int(film.base_channels_count())
-        colours = dr.size_v(mi.Spectrum)
-        # XYZ, and the luminance of a colour picture, are for the film to compute.
-        self._as_drawn = self._channels == colours + self._alpha and "pixel_format = xyz" not in str(film)
-        pixels = self._width * self._height
-        self._stored = dr.zeros(mi.TensorXf, (self._height, self._width, 4 + self._alpha)).array
-        self._picture = dr.zeros(mi.TensorXf, (self._height, self._width, colours + self._alpha)).array
-        self._pixels = pixels
+        self._colours = dr.size_v(mi.Spectrum)
+        self._widths = (self._colours + self._alpha, 4 + self._alpha)
+        self._buffers = tuple(
+            dr.zeros(mi.Float, self._width * self._height * channels)
+            if dr.is_jit_v(mi.Float)
+            else np.zeros((self._width * self._height, channels), np.float32)
+            for channels in self._widths
+        )
 
-    def put(self, pixel: Any, colour: Any, hit: Any, active: Any) -> None:
-        """Store the colour of the pixels with these numbers, and whether anything was hit there."""
-        alpha = [dr.select(hit, mi.Float(1), mi.Float(0))] if self._alpha else []
-        self._scatter(pixel, [*colour], alpha, active)
+    def put(self, pixel: Any, planes: list[Any], active: Any) -> None:
+        """Store the channels of the pixels with these numbers."""
+        channels = self._channels(planes)
+        for buffer, parts in zip(self._buffers, channels, strict=True):
+            for i, part in enumerate(parts):
+                dr.scatter(buffer, mi.Float(part), pixel * len(parts) + i, active, mode=dr.ReduceMode.Permute)
 
     def put_rows(self, top: int, planes: Any) -> None:
-        """Store whole rows from `top` on, given as (channels, pixel), the last channel the alpha."""
-        channels = dr.size_v(mi.Spectrum) + 1
+        """Store whole rows from `top` on, given as (channels, pixel)."""
+        first, count = top * self._width, math.prod(planes.shape) // (self._colours + 1)
         if not dr.is_jit_v(mi.Float):
-            planes = np.array(planes).reshape(channels, -1)
-            first = top * self._width
-            colour = planes[:-1]
-            for buffer, parts in (
-                (self._picture, [*colour, *planes[-1:][: self._alpha]]),
-                (self._stored, [*np.broadcast_to(colour, (3, colour.shape[1])), *planes[-1:][: self._alpha], 1.0]),
-            ):
-                view = np.array(buffer).reshape(self._pixels, -1)
+            channels = self._channels(list(np.reshape(planes, (-1, count))))
+            for buffer, parts in zip(self._buffers, channels, strict=True):
                 for i, part in enumerate(parts):
-                    view[first : first + planes.shape[1], i] = part
-                buffer[:] = view.ravel()
+                    buffer[first : first + count, i] = part
             return
-        flat = mi.Float(np.ascontiguousarray(planes).ravel()) if isinstance(planes, np.ndarray) else planes
-        count = dr.width(flat) // channels
+        flat = mi.Float(np.ravel(planes)) if isinstance(planes, np.ndarray) else planes
         lane = dr.arange(mi.UInt32, count)
-        parts = [dr.gather(mi.Float, flat, lane + i * count) for i in range(channels)]
-        self._scatter(lane + top * self._width, parts[:-1], parts[-1:] if self._alpha else [], mi.Bool(True))
+        parts = [dr.gather(mi.Float, flat, lane + i * count) for i in range(self._colours + 1)]
+        self.put(opaque(mi.UInt32(first)) + lane, parts, mi.Bool(True))
 
     def evaluate(self) -> None:
         """Run what has been put so far."""
-        dr.eval(self._stored, self._picture)
+        dr.eval(self._buffers)
 
     def finish(self) -> mi.TensorXf:
         """Hand the picture to the film, and return it."""
-        shape = (self._height, self._width, -1)
+        picture, stored = (
+            mi.TensorXf(buffer, (self._height, self._width, channels))
+            if dr.is_jit_v(mi.Float)
+            else mi.TensorXf(buffer.reshape(self._height, self._width, channels))
+            for buffer, channels in zip(self._buffers, self._widths, strict=True)
+        )
         block = mi.ImageBlock(self._film.crop_size(), self._film.crop_offset(), 4 + self._alpha, border=False)
-        tensor = block.tensor()
-        tensor += mi.TensorXf(self._stored, (self._height, self._width, 4 + self._alpha))
+        contents = block.tensor()
+        contents += stored  # onto zeros, which Dr.Jit drops: nothing is evaluated or copied
         self._film.prepare([])
         self._film.put_block(block)
-        del shape
-        if not self._as_drawn:
-            return self._film.develop()
-        return mi.TensorXf(self._picture, (self._height, self._width, self._channels))
+        as_drawn = picture.shape[2] == self._film.base_channels_count() and "pixel_format = xyz" not in str(self._film)
+        return picture if as_drawn else self._film.develop()  # XYZ, and the luminance of colours, are the film's
 
-    def _scatter(self, pixel: Any, colour: list[Any], alpha: list[Any], active: Any) -> None:
+    def _channels(self, colour_and_alpha: list[Any]) -> tuple[list[Any], list[Any]]:
+        *colour, alpha = colour_and_alpha
+        more = [alpha] if self._alpha else []
         rgb = colour * 3 if len(colour) == 1 else colour
-        for buffer, parts in ((self._picture, [*colour, *alpha]), (self._stored, [*rgb, *alpha, mi.Float(1)])):
-            for i, part in enumerate(parts):
-                dr.scatter(buffer, part, pixel * len(parts) + i, active, mode=dr.ReduceMode.Permute)
+        return [*colour, *more], [*rgb, *more, 1.0]

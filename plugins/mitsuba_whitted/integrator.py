@@ -11,6 +11,7 @@ import mitsuba as mi
 from mitsuba_whitted import film
 from mitsuba_whitted.camera import Camera, Rays
 from mitsuba_whitted.errors import SceneError
+from mitsuba_whitted.materials import constant
 from mitsuba_whitted.plan import Plan, plan_of
 from mitsuba_whitted.stage import Settings, Stage
 from mitsuba_whitted.trace import Traced, trace
@@ -231,22 +232,9 @@ def _settings(props: mi.Properties) -> Settings:
         raise SceneError(f"{name}: epsilon {epsilon:g} is out of range; it must be above 0 and finite")
     if props.get("hide_emitters", False):
         raise SceneError(f"{name}: hide_emitters must be false")
-    ambient = _colour(props.get("ambient", 0.0))
-    if not all(0 <= value < math.inf for value in ambient):
-        raise SceneError(f"{name}: ambient {list(ambient)} must be finite and not negative")
+    ambient = constant(props.get_unbounded_texture("ambient", 0.0))
+    if ambient is None or not all(0 <= value < math.inf for value in ambient):
+        raise SceneError(f"{name}: ambient {ambient} must be one colour, finite and not negative")
     enabled = {f"enable_{term}": bool(props.get(f"enable_{term}", True)) for term in TERMS}
-    return Settings(max_depth, ambient, falloff, epsilon, **enabled)
+    return Settings(max_depth, tuple(ambient), falloff, epsilon, **enabled)
 
-
-def _colour(value: Any) -> tuple[float, ...]:
-    """Colour of a parameter given as number or as <rgb>, a number a channel of the variant."""
-    from mitsuba_whitted.materials import constant
-
-    if isinstance(value, mi.Texture):
-        colour = constant(value)
-        if colour is None:
-            raise SceneError("ambient must be a colour, the same everywhere")
-        return tuple(colour)
-    if isinstance(value, (int, float)):
-        return (float(value),) * dr.size_v(mi.Spectrum)
-    return tuple(float(channel) for channel in value)

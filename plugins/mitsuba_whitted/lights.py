@@ -76,14 +76,14 @@ class Lights:
         to_light = position - mi.Vector3f(p)
         distance = dr.norm(to_light)
         away = distance > 0
-        l = dr.select(away, to_light / distance, 0)  # noqa: E741
+        l = dr.select(away, to_light * dr.rcp(distance), 0)  # noqa: E741
         if self.kind == "spot":
             x, y, z = (-dr.dot(vector(j), l) for j in (1, 2, 3))
             theta = dr.atan2(dr.sqrt(x * x + y * y), z)
             cutoff, beam, slope = vector(4)
             colour *= dr.select(theta <= beam, 1, dr.maximum(cutoff - theta, 0) * slope)
         if inverse_square:
-            colour = dr.select(away, colour / (distance * distance), 0)
+            colour = dr.select(away, colour * dr.rcp(distance * distance), 0)
         # The light's own coordinates are exact; those of a surface at it are right to a few u of them.
         end = distance * precise.SHADOW_END - 4 * precise.UNIT_ROUNDOFF * dr.sum(dr.abs(position))
         return Sample(l, colour, distance, end)

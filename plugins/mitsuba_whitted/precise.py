@@ -54,11 +54,11 @@ def cylinder_point(o: Any, d: Any, a: Any, axis: Any, r: Any, t: Any) -> tuple[A
     oa, oa_error = two_difference(o, a)
     d_across = dr.fma(-dr.dot(d, axis), axis, d)
     o_across = dr.fma(-dr.dot(oa, axis), axis, oa) + oa_error
-    d2 = dr.squared_norm(d_across)
-    b = -dr.dot(o_across, d_across) / d2
+    inv_d2 = dr.rcp(dr.squared_norm(d_across))
+    b = -dr.dot(o_across, d_across) * inv_d2
     foot = dr.fma(b, d_across, o_across)
-    foot = dr.fma(-dr.dot(foot, d_across) / d2, d_across, foot)
-    half_chord = dr.sqrt(dr.maximum(r * r - dr.squared_norm(foot), 0) / d2)
+    foot = dr.fma(-dr.dot(foot, d_across) * inv_d2, d_across, foot)
+    half_chord = dr.sqrt(dr.maximum(r * r - dr.squared_norm(foot), 0) * inv_d2)
     step = dr.select(t < b, -half_chord, half_chord)
     across = dr.fma(step, d_across, foot)
     n = dr.normalize(dr.fma(-dr.dot(across, axis), axis, across))
@@ -72,7 +72,7 @@ def plane_point(o: Any, d: Any, a: Any, n: Any) -> Any:
     The second line pulls the point back onto the plane: without it the error of t, u |t|, stands along d and
     so off the plane; with it a few u of sum |n_i| max(|a_i|, |p_i|) are left, however far the ray has come.
     """
-    p = dr.fma(dr.dot(a - o, n) / dr.dot(d, n), d, o)
+    p = dr.fma(dr.dot(a - o, n) * dr.rcp(dr.dot(d, n)), d, o)
     return dr.fma(-dr.dot(p - a, n), n, p)
 
 
@@ -80,8 +80,8 @@ def barycentric(p: Any, v0: Any, v1: Any, v2: Any) -> tuple[Any, Any]:
     """Weights (beta, gamma) of `v1` and `v2` at `p` by Cramer's rule (Shirley et al., section 4.4.2)."""
     e1, e2, w = v1 - v0, v2 - v0, p - v0
     normal = dr.cross(e1, e2)
-    area2 = dr.squared_norm(normal)
-    return dr.dot(dr.cross(w, e2), normal) / area2, dr.dot(dr.cross(e1, w), normal) / area2
+    inv_area2 = dr.rcp(dr.squared_norm(normal))
+    return dr.dot(dr.cross(w, e2), normal) * inv_area2, dr.dot(dr.cross(e1, w), normal) * inv_area2
 
 
 def ray_offset(n_g: Any, d: Any, reach: Any, least: Any) -> tuple[Any, Any]:

@@ -28,7 +28,7 @@ class Settings:
     """The parameters of the integrator; `integrator.py` says what they mean."""
 
     max_depth: int = 10
-    ambient: tuple[float, ...] = (0.0,)
+    ambient: tuple[float, ...] = (0.0, 0.0, 0.0)
     falloff: str = "inverse_square"
     epsilon: float | None = None
     enable_ambient: bool = True
