@@ -136,35 +136,23 @@ def render(
     picture_file = Path(output) if output else Path(scene).with_suffix(".exr")
     if exposure is not None and picture_file.suffix.lower() != ".png":
         raise Refusal(f"--exposure is for .png; {picture_file} holds the picture as it was computed")
-    loaded = _load(
-        scene,
-        variant,
-        defines,
-        folders,
-        threads,
-        verbose,
-        before=lambda: picture_files.check_writable(picture_file),
-    )
+    seen = scene_check.check(scene_files.find(scene), folders, defines)
+    picture_files.check_writable(picture_file)
+    loaded = _load(seen, variant, defines, folders, threads, verbose, sensor)
 
-    from mitsuba_whitted.errors import SceneError
     from whitted_validation import render as drawing
 
-    camera = drawing.sensor_of(loaded.scene, sensor)
-    integrator = loaded.integrator
     off = {term for term in TERMS if only is not None and term not in only}
     off |= {"shadows"} if no_shadows else set()
     off |= {"mirrors"} if no_mirrors else set()
-    for part in off:
-        setattr(integrator, f"enable_{part}", False)
-    grid = grid or drawing.grid_of(camera)
-    with _progress(picture_file.name) as advance:
-        try:
-            picture = drawing.render(loaded.scene, integrator, camera, grid, advance)
-        except SceneError as error:
-            raise Refusal(f"{scene}: {error}") from None
+    drawing.switch_off(loaded, off)
+    with _progress(picture_file.name) as progress, drawing.Stopwatch() as kernels:
+        picture = drawing.render(loaded, grid, progress)
     picture_files.write(picture_file, picture, exposure or 0.0)
     if stats:
-        click.echo(f"total time    {time.perf_counter() - start:.2f} s")
+        total = time.perf_counter() - start
+        for line in drawing.statistics(loaded, grid, kernels, total):
+            click.echo(line)
 
 
 @whitted.command()
@@ -178,11 +166,9 @@ def plan(
     verbose: int,
 ) -> None:
     """Print what SCENE needs, and so what the kernel holds and leaves out."""
-    loaded = _load(scene, variant, defines, folders, threads, verbose)
-
-    from mitsuba_whitted.plan import plan as make_plan
-
-    click.echo(str(make_plan(loaded.scene)))
+    seen = scene_check.check(scene_files.find(scene), folders, defines)
+    loaded = _load(seen, variant, defines, folders, threads, verbose)
+    click.echo(str(loaded.integrator.plan(loaded.scene)))
 
 
 @whitted.command()
@@ -209,21 +195,19 @@ def doctor() -> None:
 
 
 def _load(
-    scene: str,
+    seen: scene_check.Scene,
     variant: str | None,
     defines: dict[str, str],
     folders: list[Path],
     threads: int | None,
     verbose: int,
-    before: Callable[[], None] = lambda: None,
+    sensor: int = 0,
 ) -> Loaded:
-    """Load the scene, cheapest checks first; nothing is printed until all is known to be well."""
-    seen = scene_check.check(scene_files.find(scene), folders, defines)
-    before()
-
+    """Load the scene; nothing is said until all is known to be well."""
     from whitted_validation import variants
 
     chosen, why = variants.choose(variant)
+
     import drjit as dr
     import mitsuba as mi
 
@@ -235,25 +219,26 @@ def _load(
     from whitted_validation.messages import Messages
 
     messages = Messages(verbose)
-    loaded = load(seen, folders, defines)
-    if variant is None:
-        click.echo(f"whitted: {why}", err=True)
-    if loaded.remark:
-        click.echo(f"whitted: {loaded.remark}", err=True)
+    loaded = load(seen, folders, defines, sensor)
+    for line in (None if variant else why, loaded.remark):
+        if line:
+            click.echo(f"whitted: {line}", err=True)
     messages.show()
     return loaded
 
 
 @contextmanager
-def _progress(name: str) -> Iterator[Callable[[float], None]]:
-    """Show a bar on a terminal, nothing elsewhere; it is gone when the work is done."""
+def _progress(name: str) -> Iterator[Callable[[int, int], None] | None]:
+    """Show a bar on a terminal, until the work is done; elsewhere nobody is watching."""
+    if not sys.stderr.isatty():
+        yield None
+        return
     from rich.console import Console
     from rich.progress import Progress
 
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(name, total=1.0)
-        yield lambda part: bar.update(task, completed=part)
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(name)
+        yield lambda done, rows: bar.update(task, completed=done, total=rows)
 
 
 def main() -> None:

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from mitsuba_whitted.camera import Camera
+from mitsuba_whitted.errors import SceneError
+from mitsuba_whitted.stage import Settings
 from whitted_validation import messages
 from whitted_validation.refusal import Refusal
 from whitted_validation.scene_check import Scene
@@ -17,15 +21,23 @@ from whitted_validation.scene_check import Scene
 
 @dataclass
 class Loaded:
-    """A scene, the integrator that draws it, and a remark where that is not the scene's own."""
+    """A scene that can be drawn.
 
+    Attributes
+    ----------
+    integrator
+        The scene's own if it is a `whitted`, else one with the defaults; `remark` then says so.
+    """
+
+    file: Path
     scene: mi.Scene
-    integrator: mi.Integrator
+    sensor: mi.Sensor
+    integrator: Any
     remark: str | None
 
 
-def load(seen: Scene, folders: Sequence[Path], defines: Mapping[str, str]) -> Loaded:
-    """Load a scene in the current variant.
+def load(seen: Scene, folders: Sequence[Path], defines: Mapping[str, str], sensor: int = 0) -> Loaded:
+    """Load a scene in the current variant, and make sure that `whitted` can draw it.
 
     Shapes are not merged, so that they keep their ids. Nothing is searched for in the current directory: a
     scene means the same wherever the command is typed.
@@ -34,6 +46,8 @@ def load(seen: Scene, folders: Sequence[Path], defines: Mapping[str, str]) -> Lo
     ----------
     seen
         What `scene_check.check` returned for the file, with the same `folders` and `defines`.
+    sensor
+        Which sensor is to be drawn, counted from 0 in the order of the file.
 
     Raises
     ------
@@ -53,12 +67,21 @@ def load(seen: Scene, folders: Sequence[Path], defines: Mapping[str, str]) -> Lo
     finally:
         mi.set_file_resolver(usual)  # type: ignore[operator]
     _check_numbers(scene, seen.file)
-    integrator = scene.integrator()
-    if integrator is not None and integrator.class_name() == "Whitted":
-        return Loaded(scene, integrator, None)
-    ours = mi.load_dict({"type": "whitted", "id": "whitted"})
-    theirs = "no integrator" if integrator is None else f"the integrator {integrator.class_name()}"
-    return Loaded(scene, ours, f"{seen.file}: has {theirs}; drawn by whitted with its defaults")
+    sensors: list[mi.Sensor] = scene.sensors()
+    if not 0 <= sensor < len(sensors):
+        raise Refusal(f"{seen.file}: has {len(sensors)} sensor(s), counted from 0; there is no -s {sensor}")
+    integrator: Any = scene.integrator()
+    remark = None
+    if not isinstance(getattr(integrator, "settings", None), Settings):
+        theirs = "no integrator" if integrator is None else f"the integrator {integrator.class_name()}"
+        remark = f"{seen.file}: has {theirs}; drawn by whitted with its defaults"
+        integrator = mi.load_dict({"type": "whitted", "id": "whitted"})
+    try:
+        integrator.plan(scene)
+        Camera(sensors[sensor])
+    except SceneError as error:
+        raise Refusal(f"{seen.file}: {error}") from None
+    return Loaded(seen.file, scene, sensors[sensor], integrator, remark)
 
 
 def _check_numbers(scene: mi.Scene, file: Path) -> None:

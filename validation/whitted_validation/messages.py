@@ -11,8 +11,9 @@ import mitsuba as mi
 from whitted_validation.refusal import Refusal
 from whitted_validation.scene_check import Scene
 
-_LEVELS = [mi.LogLevel.Warn, mi.LogLevel.Info, mi.LogLevel.Debug, mi.LogLevel.Trace]
+_LEVELS = [mi.LogLevel.Info, mi.LogLevel.Info, mi.LogLevel.Debug, mi.LogLevel.Trace]
 
+_OURS = re.compile(r"\[\w+\.py:\d+\] ")
 _SOURCE_LINE = re.compile(r"\[\w+\.(?:cpp|h|py):\d+\] (?:(?:\w+\(\)|<\w+>): )?")
 _PLACE = re.compile(
     r"(?:Error while loading|While loading|At) (?P<file>.+?) \(line (?P<line>\d+), col (?P<column>\d+)\): "
@@ -32,7 +33,9 @@ class Messages:
 
         class Appender(mi.Appender):
             def append(self, level: mi.LogLevel, text: str) -> None:
-                hear(text)
+                # What a plugin in Python has to say of the scene is for everyone, Mitsuba's own news for -v.
+                if verbosity or level >= mi.LogLevel.Warn or _OURS.match(text):
+                    hear(text)
 
             def log_progress(self, *_: Any) -> None:
                 pass

@@ -1,82 +1,78 @@
-"""The plugin's picture for the command line: in bands of rows, so that long work shows how far it is."""
+"""The plugin's picture for the command line, and what it took."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Iterable, Iterator
 
 import drjit as dr
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from whitted_validation.refusal import Refusal
-
-# Samples that are drawn at once. One kernel takes them all, so this bounds the memory (some 100 bytes each)
-# and how long nothing is heard of it; a scalar variant goes through them one by one.
-BAND = {True: 1 << 22, False: 1 << 12}
-ROW = 1 << 26  # the most samples of one row, which is not divided further
+from whitted_validation.load import Loaded
 
 
-def sensor_of(scene: mi.Scene, index: int) -> mi.Sensor:
-    """Take the sensor that `-s` names, counted from 0 in the order of the file."""
-    sensors: list[mi.Sensor] = scene.sensors()
-    if not 0 <= index < len(sensors):
-        raise Refusal(f"-s {index}: the scene has {len(sensors)} sensor(s), counted from 0")
-    return sensors[index]
-
-
-def grid_of(sensor: mi.Sensor) -> int:
-    """Side of the sensor's sample grid: the square root of its sample_count, rounded up."""
-    return math.isqrt(max(sensor.sampler().sample_count() - 1, 0)) + 1
+def switch_off(loaded: Loaded, parts: Iterable[str]) -> None:
+    """Leave parts of the model out: `ambient`, `diffuse`, `specular`, `shadows`, `mirrors`."""
+    off = {f"enable_{part}": False for part in parts}
+    loaded.integrator.settings = dataclasses.replace(loaded.integrator.settings, **off)
 
 
 def render(
-    scene: mi.Scene,
-    integrator: mi.Integrator,
-    sensor: mi.Sensor,
-    grid: int,
-    advance: Callable[[float], None] = lambda part: None,
+    loaded: Loaded, grid: int | None, progress: Callable[[int, int], None] | None = None
 ) -> NDArray[np.float32]:
-    """Draw the sensor's crop window, band by band.
+    """Draw the crop window of the sensor that was asked for.
 
     Parameters
     ----------
     grid
-        n x n samples for each pixel.
-    advance
-        Told after each band which part of the whole is done, in (0, 1].
+        n for n x n samples a pixel; None for the sampler's own number.
+    progress
+        Told the rows done and the rows in all, again and again.
 
     Returns
     -------
     (height, width, channels) float32
-        The same numbers however the picture is divided.
-
-    Raises
-    ------
-    Refusal
-        If a single row is more than can be drawn at once.
+        Linear radiance.
     """
-    width, height = (int(side) for side in sensor.film().crop_size())
-    left, top = (int(side) for side in sensor.film().crop_offset())
-    if width * grid**2 > ROW:
-        raise Refusal(f"--grid {grid}: a row has {width} x {grid}^2 samples; at most {ROW} are allowed")
-    rows = max(1, BAND[dr.is_jit_v(mi.Float)] // (width * grid**2))
-    if sensor.film().rfilter().radius() > 0.5:
-        rows = height  # a filter wider than the box takes from neighbouring rows
-    bands = []
-    try:
-        for row in range(0, height, rows):
-            _crop(sensor, (left, top + row), (width, min(rows, height - row)))
-            bands.append(np.array(integrator.render(scene, sensor, spp=grid**2)))
-            advance(min(1.0, (row + rows) / height))
-    finally:
-        _crop(sensor, (left, top), (width, height))
-    return np.concatenate(bands)
+    samples = grid**2 if grid else 0
+    picture = loaded.integrator.render(loaded.scene, loaded.sensor, spp=samples, progress=progress)
+    return np.array(picture, dtype=np.float32)
 
 
-def _crop(sensor: mi.Sensor, offset: tuple[int, int], size: tuple[int, int]) -> None:
-    window = mi.traverse(sensor)
-    window["film.crop_offset"] = offset
-    window["film.crop_size"] = size
-    window.update()
+class Stopwatch:
+    """Time that kernels take to compile and to run, in seconds, while Dr.Jit records it."""
+
+    def __init__(self) -> None:
+        self.compiling = self.running = 0.0
+
+    def __enter__(self) -> Stopwatch:
+        dr.kernel_history_clear()
+        dr.set_flag(dr.JitFlag.KernelHistory, True)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        dr.set_flag(dr.JitFlag.KernelHistory, False)
+        for kernel in dr.kernel_history():  # in milliseconds
+            self.compiling += (kernel.get("codegen_time", 0.0) + kernel.get("backend_time", 0.0)) / 1000
+            self.running += kernel["execution_time"] / 1000
+
+
+def statistics(loaded: Loaded, grid: int | None, kernels: Stopwatch, total: float) -> Iterator[str]:
+    """Say what a picture took, line by line; the rays are counted by tracing it once more.
+
+    Parameters
+    ----------
+    kernels
+        What was measured while it was drawn.
+    total
+        Seconds from the command to the written file.
+    """
+    width, height = (int(side) for side in loaded.sensor.film().crop_size())
+    rays = loaded.integrator.count_rays(loaded.scene, loaded.sensor, spp=grid**2 if grid else 0)
+    yield f"pixels        {width * height} ({width} x {height})"
+    for kind, number in rays.items():
+        yield f"{f'{kind} rays':<13} {number}"
+    if kernels.running:  # a scalar variant has none
+        yield f"kernel time   {kernels.running:.3f} s, and {kernels.compiling:.3f} s to compile"
+    yield f"total time    {total:.3f} s"
