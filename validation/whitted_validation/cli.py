@@ -6,13 +6,15 @@ found wrong without them: `--help` and `scenes` answer at once, and so does a br
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import os
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -106,7 +108,7 @@ def whitted() -> None:
 @click.option("-s", "--sensor", default=0, metavar="INDEX", help="Sensor to draw, counted from 0.")
 @click.option(
     "--grid",
-    type=click.IntRange(1, 1024),
+    type=click.IntRange(1, 64),
     metavar="N",
     help="N x N samples a pixel. [default: the scene's sample_count]",
 )
@@ -114,6 +116,9 @@ def whitted() -> None:
 @click.option("--only", callback=_terms, metavar="TERMS", help="Keep only these of ambient,diffuse,specular.")
 @click.option("--no-shadows", is_flag=True, help="Let every light reach every surface.")
 @click.option("--no-mirrors", is_flag=True, help="Follow no mirror rays.")
+@click.option(
+    "--reference", is_flag=True, help="Draw with the plain-Python reference tracer, without Mitsuba."
+)
 @click.option("--stats", is_flag=True, help="Print how many rays were traced and how long it took.")
 def render(
     scene: str,
@@ -129,6 +134,7 @@ def render(
     only: set[str] | None,
     no_shadows: bool,
     no_mirrors: bool,
+    reference: bool,
     stats: bool,
 ) -> None:
     """Draw SCENE and write the picture."""
@@ -136,16 +142,22 @@ def render(
     picture_file = Path(output) if output else Path(scene).with_suffix(".exr")
     if exposure is not None and picture_file.suffix.lower() != ".png":
         raise Refusal(f"--exposure is for .png; {picture_file} holds the picture as it was computed")
+    if reference and (variant or threads or verbose or stats):
+        raise Refusal("--reference draws without Mitsuba and takes none of -m, -t, -v and --stats")
+    off = {term for term in TERMS if only is not None and term not in only}
+    off |= {"shadows"} if no_shadows else set()
+    off |= {"mirrors"} if no_mirrors else set()
+    switches = {f"enable_{part}": False for part in off}
     seen = scene_check.check(scene_files.find(scene), folders, defines)
     picture_files.check_writable(picture_file)
+    if reference:
+        _render_reference(seen.file, folders, defines, sensor, grid, switches, picture_file, exposure or 0.0)
+        return
     loaded = _load(seen, variant, defines, folders, threads, verbose, sensor)
 
     from whitted_validation import render as drawing
 
-    off = {term for term in TERMS if only is not None and term not in only}
-    off |= {"shadows"} if no_shadows else set()
-    off |= {"mirrors"} if no_mirrors else set()
-    drawing.switch_off(loaded, off)
+    drawing.switch(loaded, switches)
     with _progress(picture_file.name) as progress, drawing.Stopwatch() as kernels:
         picture = drawing.render(loaded, grid, progress)
     picture_files.write(picture_file, picture, exposure or 0.0)
@@ -192,6 +204,33 @@ def doctor() -> None:
 
     for line in examination.report():
         click.echo(line)
+
+
+def _render_reference(
+    file: Path,
+    folders: list[Path],
+    defines: dict[str, str],
+    sensor: int,
+    grid: int | None,
+    switches: dict[str, Any],
+    picture_file: Path,
+    exposure: float,
+) -> None:
+    """Draw with the tracer that needs nothing but Python."""
+    import whitted_reference as tracer
+
+    try:
+        scene = tracer.load(file, defines, folders)
+        scene = dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, **switches))
+        if grid is None and sensor in range(len(scene.sensors)):
+            grid = math.isqrt(scene.sensors[sensor].sample_count - 1) + 1
+        with _progress(picture_file.name) as progress:
+            picture = tracer.render(scene, grid=grid or 1, sensor=sensor, progress=progress)
+    except tracer.SceneError as error:
+        raise Refusal(str(error)) from None
+    for remark in scene.messages:
+        click.echo(f"whitted: {remark}", err=True)
+    tracer.save(picture, picture_file, exposure)
 
 
 def _load(

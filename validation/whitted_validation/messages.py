@@ -18,6 +18,7 @@ _SOURCE_LINE = re.compile(r"\[\w+\.(?:cpp|h|py):\d+\] (?:(?:\w+\(\)|<\w+>): )?")
 _PLACE = re.compile(
     r"(?:Error while loading|While loading|At) (?P<file>.+?) \(line (?P<line>\d+), col (?P<column>\d+)\): "
 )
+_FILE = re.compile(r'Error while loading XML file "[^"]*": ')
 _PLUGIN = re.compile(r'failed to instantiate \w+ plugin of type "[^"]*": ')
 _TRACEBACK = re.compile(r"Traceback \(most recent call last\):\n(?: .*\n)*[\w.]+: ")  # of a plugin in Python
 _UNREAD = re.compile(r'Found \d+ unreferenced propert(?:y|ies) in \w+ plugin of type "[^"]*":')
@@ -86,7 +87,7 @@ def refusal(error: Exception, scene: Scene) -> Refusal:
         text = text[: unread.start()] + f"does not take {shown}; misspelt, or in the wrong place"
     places = list(_PLACE.finditer(text))
     if not places:
-        return Refusal(one_line(f"{scene.file}: {text}"))
+        return Refusal(one_line(f"{scene.file}: {_FILE.sub('', text)}"))
     place = places[-1]  # the innermost, where files are included
     file, line, column = place["file"], int(place["line"]), int(place["column"])
     element = scene.at(file, line, column)

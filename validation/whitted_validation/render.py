@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 import drjit as dr
 import numpy as np
@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from whitted_validation.load import Loaded
 
 
-def switch_off(loaded: Loaded, parts: Iterable[str]) -> None:
-    """Leave parts of the model out: `ambient`, `diffuse`, `specular`, `shadows`, `mirrors`."""
-    off = {f"enable_{part}": False for part in parts}
-    loaded.integrator.settings = dataclasses.replace(loaded.integrator.settings, **off)
+def switch(loaded: Loaded, switches: Mapping[str, bool]) -> None:
+    """Set switches of the integrator, such as ``enable_shadows``, whatever the scene says."""
+    loaded.integrator.settings = dataclasses.replace(loaded.integrator.settings, **switches)
 
 
 def render(

@@ -22,6 +22,7 @@ MAX_DEPTH = 64  # of elements: scenes need about ten; Mitsuba's recursion ends t
 MAX_INCLUDES = 15  # one inside another, as in Mitsuba
 MAX_TEXT = 1 << 20  # characters of one attribute after $substitution: ten nested tenfold ones would make 1e10
 MAX_PIXELS = 1 << 28  # of a film: 16384 x 16384; the picture alone takes 3 GiB as float32 RGB
+MAX_SAMPLES = 64 * 64  # of a pixel: by then an edge is right to 1/64 of a pixel in both directions
 
 _NUMBERS = {
     "float": ["value"],
@@ -43,6 +44,7 @@ _RANGES: dict[tuple[str, str], tuple[str, Callable[[float], bool]]] = {
     ("emitter", "intensity"): ("must not be negative", lambda value: value >= 0),
     ("emitter", "irradiance"): ("must not be negative", lambda value: value >= 0),
     ("emitter", "radiance"): ("must not be negative", lambda value: value >= 0),
+    ("sampler", "sample_count"): (f"must be 1..{MAX_SAMPLES}", lambda value: 1 <= value <= MAX_SAMPLES),
     ("film", "width"): (f"must be 1..{MAX_PIXELS}", lambda value: 1 <= value <= MAX_PIXELS),
     ("film", "height"): (f"must be 1..{MAX_PIXELS}", lambda value: 1 <= value <= MAX_PIXELS),
     ("film", "crop_width"): (f"must be 1..{MAX_PIXELS}", lambda value: 1 <= value <= MAX_PIXELS),
@@ -149,7 +151,7 @@ class _Reader:
             raise Refusal(f"{file}: {error.strerror or error}") from None
         except expat.ExpatError as error:
             reason = expat.ErrorString(error.code)
-            raise Refusal(f"{file}:{error.lineno}: not well-formed XML: {reason}") from None
+            raise Refusal(f"{file}:{error.lineno}: broken XML: {reason}") from None
         self.files.pop()
 
     def start(self, element: Element) -> None:
