@@ -6,7 +6,7 @@ and leaves out only what is certain to be missed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from whitted_reference.arithmetic import Arithmetic
@@ -53,29 +53,41 @@ class Everything:
                     end = t * stretch
         return found
 
-    def blocker(
-        self, e: Vec, d: Vec, start: Number, end: Number, leaving: Primitive | None
-    ) -> Primitive | None:
-        """Return some primitive that lies in the open interval (start, end), or None."""
+    def blocker(self, e: Vec, d: Vec, start: Number, end: Number, leaving: Primitive | None) -> Found | None:
+        """Return some primitive at a distance start < t < end, or None.
+
+        Where there is none for certain but one within `closeness` of the end, that one is returned.
+        """
         ex, ey, ez = e
         dx, dy, dz = d
+        stretch = self._stretch
+        limit = end * stretch
+        close = None
         for primitive in self._primitives:
             if primitive is leaving:
-                t = primitive.again(ex, ey, ez, dx, dy, dz, start, end)
+                t = primitive.again(ex, ey, ez, dx, dy, dz, start, limit)
             else:
-                t = primitive.hit(ex, ey, ez, dx, dy, dz, start, end)
-            if t is not None and t < end:
-                return primitive
-        return None
+                t = primitive.hit(ex, ey, ez, dx, dy, dz, start, limit)
+            if t is not None:
+                close = (t, primitive.index, primitive)
+                if t * stretch < end:
+                    break
+        return close
 
 
 class Hierarchy:
     """Boxes within boxes (Rubin and Whitted 1980), split at the median of the longest side."""
 
-    def __init__(self, primitives: Sequence[Primitive], arithmetic: Arithmetic, reach: float) -> None:
+    def __init__(
+        self,
+        primitives: Sequence[Primitive],
+        approximate: Callable[[Number], float],
+        closeness: Number,
+        reach: float,
+    ) -> None:
         """Build over primitives; `reach` bounds the coordinates of the eyes outside the boxes."""
-        self._approximate = arithmetic.approximate
-        self._stretch = 1 + arithmetic.closeness
+        self._approximate = approximate
+        self._stretch = 1 + closeness
         whole = _union([p.box for p in primitives])
         slack = PADDING * max(reach, *(abs(x) for x in whole))
         entries = [(p, [p.box[i] + p.box[i + 3] for i in range(3)]) for p in primitives]
@@ -85,11 +97,44 @@ class Hierarchy:
         """Do as `Everything.hits`."""
         ex, ey, ez = e
         dx, dy, dz = d
-        approximate = self._approximate
-        ox, oy, oz, limit = approximate(ex), approximate(ey), approximate(ez), approximate(end)
-        ix, iy, iz = _reciprocal(approximate(dx)), _reciprocal(approximate(dy)), _reciprocal(approximate(dz))
-        stretch = self._stretch
+        approximate, stretch = self._approximate, self._stretch
         found: list[Found] = []
+        limit = [approximate(end)]
+        for primitive in self._near(e, d, limit):
+            if primitive is leaving:
+                t = primitive.again(ex, ey, ez, dx, dy, dz, start, end)
+            else:
+                t = primitive.hit(ex, ey, ez, dx, dy, dz, start, end)
+            if t is not None:
+                found.append((t, primitive.index, primitive))
+                if t * stretch < end:
+                    end = t * stretch
+                    limit[0] = approximate(end)
+        return found
+
+    def blocker(self, e: Vec, d: Vec, start: Number, end: Number, leaving: Primitive | None) -> Found | None:
+        """Do as `Everything.blocker`, though perhaps with another one of several."""
+        ex, ey, ez = e
+        dx, dy, dz = d
+        stretch = self._stretch
+        limit = end * stretch
+        close = None
+        for primitive in self._near(e, d, [self._approximate(limit)]):
+            if primitive is leaving:
+                t = primitive.again(ex, ey, ez, dx, dy, dz, start, limit)
+            else:
+                t = primitive.hit(ex, ey, ez, dx, dy, dz, start, limit)
+            if t is not None:
+                close = (t, primitive.index, primitive)
+                if t * stretch < end:
+                    break
+        return close
+
+    def _near(self, e: Vec, d: Vec, limit: list[float]) -> Iterator[Primitive]:
+        """Yield the primitives of all leaves that the ray meets before limit[0], which may shrink."""
+        ox, oy, oz = map(self._approximate, e)
+        ix, iy, iz = (_reciprocal(self._approximate(x)) for x in d)
+        forward = (ix > 0.0, iy > 0.0, iz > 0.0)
         stack = [self._root]
         while stack:
             x0, y0, z0, x1, y1, z1, axis, left, right = stack.pop()
@@ -105,6 +150,8 @@ class Hierarchy:
                 near = low
             if high < far:
                 far = high
+            if near > far:
+                continue
             if iz > 0.0:
                 low, high = (z0 - oz) * iz, (z1 - oz) * iz
             else:
@@ -113,37 +160,14 @@ class Hierarchy:
                 near = low
             if high < far:
                 far = high
-            if near > far or far < 0.0 or near > limit:
+            if near > far or far < 0.0 or near > limit[0]:
                 continue
-            if axis >= 0:
-                if (ix, iy, iz)[axis] > 0.0:
-                    stack.append(right)
-                    stack.append(left)
-                else:
-                    stack.append(left)
-                    stack.append(right)
-                continue
-            primitives: tuple[Primitive, ...] = left
-            for primitive in primitives:
-                if primitive is leaving:
-                    t = primitive.again(ex, ey, ez, dx, dy, dz, start, end)
-                else:
-                    t = primitive.hit(ex, ey, ez, dx, dy, dz, start, end)
-                if t is not None:
-                    found.append((t, primitive.index, primitive))
-                    if t * stretch < end:
-                        end = t * stretch
-                        limit = approximate(end)
-        return found
-
-    def blocker(
-        self, e: Vec, d: Vec, start: Number, end: Number, leaving: Primitive | None
-    ) -> Primitive | None:
-        """Do as `Everything.blocker`, though perhaps with another one of several."""
-        for t, _, primitive in self.hits(e, d, start, end, leaving):
-            if t < end:
-                return primitive
-        return None
+            if axis < 0:
+                yield from left
+            elif forward[axis]:
+                stack += (right, left)
+            else:
+                stack += (left, right)
 
 
 def _reciprocal(x: float) -> float:
@@ -154,8 +178,8 @@ def hierarchy_or_everything(
     primitives: Sequence[Primitive], arithmetic: Arithmetic, reach: float, hierarchy: bool
 ) -> Everything | Hierarchy:
     """Choose by number, unless the hierarchy is not wanted."""
-    if hierarchy and len(primitives) > FEW:
-        return Hierarchy(primitives, arithmetic, reach)
+    if hierarchy and len(primitives) > FEW and arithmetic.approximate is not None:
+        return Hierarchy(primitives, arithmetic.approximate, arithmetic.closeness, reach)
     return Everything(primitives, arithmetic)
 
 

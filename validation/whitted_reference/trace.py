@@ -43,6 +43,12 @@ class Tracer:
         sensor: int = 0,
         hierarchy: bool = True,
     ) -> None:
+        with arithmetic.scope():
+            self._prepare(description, arithmetic, sensor, hierarchy)
+
+    def _prepare(
+        self, description: scene.Scene, arithmetic: Arithmetic, sensor: int, hierarchy: bool
+    ) -> None:
         settings = description.settings
         self.arithmetic = arithmetic
         self.film = description.sensors[sensor].film
@@ -69,16 +75,16 @@ class Tracer:
 
     def pixel(self, x: int, y: int, grid: int = 1) -> Colour:
         """Return the mean of grid x grid samples of pixel (x, y): the textbook's outermost loop."""
-        red = green = blue = 0
-        for j in range(grid):
-            for i in range(grid):
-                e, d, start, end = self.camera.ray(x, y, i, j, grid)
-                r, g, b = self.raycolor(e, d, start, end)
-                red += r
-                green += g
-                blue += b
-        samples = grid * grid
-        return red / samples, green / samples, blue / samples
+        red = green = blue = self.arithmetic.of(0)
+        with self.arithmetic.scope():
+            for j in range(grid):
+                for i in range(grid):
+                    r, g, b = self.raycolor(*self.camera.ray(x, y, i, j, grid))
+                    red += r
+                    green += g
+                    blue += b
+            samples = grid * grid
+            return red / samples, green / samples, blue / samples
 
     def raycolor(
         self,
@@ -163,7 +169,7 @@ class Tracer:
             if gx * rx + gy * ry + gz * rz > 0:
                 if self._unlimited:
                     share = (share[0] * k_m[0], share[1] * k_m[1], share[2] * k_m[2])
-                    if k + 1 > LAST_BOUNCE or max(share) < self._least_share:
+                    if k + 1 > LAST_BOUNCE or all(x < self._least_share for x in share):
                         return red, green, blue
                 seen = self.raycolor(
                     p,
@@ -195,7 +201,13 @@ class Tracer:
 
     def blocker(self, p: Vec, l: Vec, distance: Number, leaving: Primitive) -> Primitive | None:  # noqa: E741
         """Return a primitive on the open segment of that length from p along l, or None."""
-        return self._world.blocker(p, l, self._start, distance, self._left(leaving))
+        found = self._world.blocker(p, l, self._start, distance, self._left(leaving))
+        if found is None:
+            return None
+        t, _, primitive = found
+        if not t * self._stretch < distance:
+            self.ties.append((primitive.surface.id, "light"))
+        return primitive if t < distance else None
 
     def _left(self, primitive: Primitive) -> Primitive | None:
         return primitive if self._exact else None

@@ -1,0 +1,190 @@
+"""Interval arithmetic on floats: every result encloses the exact one (Moore 1966).
+
+Each end is rounded outward by one unit in the last place, whether or not it was exact. A comparison
+whose answer differs within the intervals raises `Undecided`: a picture computed with intervals says of
+every yes/no decision that it is certain, or that it is not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from fractions import Fraction
+
+# The C library's exp, log1p, pow and atan2 are within one unit in the last place (glibc's stated bounds,
+# and others'); two units are allowed for.
+_LIBRARY_ULPS = 2
+
+
+class Undecided(ArithmeticError):
+    """The intervals overlap where the answer matters."""
+
+
+def _down(x: float) -> float:
+    return math.nextafter(x, -math.inf)
+
+
+def _up(x: float) -> float:
+    return math.nextafter(x, math.inf)
+
+
+class Interval:
+    """All numbers from low to high."""
+
+    __slots__ = ("high", "low")
+
+    def __init__(self, low: float, high: float) -> None:
+        self.low = low
+        self.high = high
+
+    @property
+    def width(self) -> float:
+        """Return high - low."""
+        return self.high - self.low
+
+    def __repr__(self) -> str:
+        return f"[{self.low!r}, {self.high!r}]"
+
+    def __neg__(self) -> Interval:
+        return Interval(-self.high, -self.low)
+
+    def __abs__(self) -> Interval:
+        if self.low >= 0.0:
+            return self
+        return -self if self.high <= 0.0 else Interval(0.0, max(-self.low, self.high))
+
+    def __add__(self, other: Interval | float) -> Interval:
+        b = _interval(other)
+        return Interval(_down(self.low + b.low), _up(self.high + b.high))
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Interval | float) -> Interval:
+        b = _interval(other)
+        return Interval(_down(self.low - b.high), _up(self.high - b.low))
+
+    def __rsub__(self, other: float) -> Interval:
+        return -(self - other)
+
+    def __mul__(self, other: Interval | float) -> Interval:
+        if other is self:  # a square is not negative
+            a = abs(self)
+            return Interval(max(_down(a.low * a.low), 0.0), _up(a.high * a.high))
+        b = _interval(other)
+        ends = (self.low * b.low, self.low * b.high, self.high * b.low, self.high * b.high)
+        return Interval(_down(min(ends)), _up(max(ends)))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Interval | float) -> Interval:
+        b = _interval(other)
+        if b.low <= 0.0 <= b.high:
+            raise Undecided(f"division by {b}")
+        ends = (self.low / b.low, self.low / b.high, self.high / b.low, self.high / b.high)
+        return Interval(_down(min(ends)), _up(max(ends)))
+
+    def __rtruediv__(self, other: float) -> Interval:
+        return _interval(other) / self
+
+    def __lt__(self, other: Interval | float) -> bool:
+        b = _interval(other)
+        if self.high < b.low:
+            return True
+        if self.low >= b.high:
+            return False
+        raise Undecided(f"{self} < {b}")
+
+    def __le__(self, other: Interval | float) -> bool:
+        b = _interval(other)
+        if self.high <= b.low:
+            return True
+        if self.low > b.high:
+            return False
+        raise Undecided(f"{self} <= {b}")
+
+    def __gt__(self, other: Interval | float) -> bool:
+        return _interval(other) < self
+
+    def __ge__(self, other: Interval | float) -> bool:
+        return _interval(other) <= self
+
+    def __eq__(self, other: object) -> bool:
+        b = _interval(other)
+        if self.high < b.low or b.high < self.low:
+            return False
+        if self.low == self.high == b.low == b.high:
+            return True
+        raise Undecided(f"{self} == {b}")
+
+    __hash__ = None  # type: ignore[assignment]  # equality may be undecided
+
+    def __bool__(self) -> bool:
+        return self.low != 0.0 or self.high != 0.0
+
+
+def _interval(x: object) -> Interval:
+    if isinstance(x, Interval):
+        return x
+    if isinstance(x, int | float):
+        return Interval(float(x), float(x))
+    raise TypeError(f"{x!r} is not a number")
+
+
+def ratio(q: Fraction) -> Interval:
+    """Enclose a fraction."""
+    x = float(q)
+    return Interval(x, x) if Fraction(x) == q else Interval(_down(x), _up(x))
+
+
+def sqrt(x: Interval) -> Interval:
+    """Enclose the square root, which floats round correctly."""
+    if x.low < 0.0:
+        raise Undecided(f"sqrt {x}")
+    return Interval(max(_down(math.sqrt(x.low)), 0.0), _up(math.sqrt(x.high)))
+
+
+def _widened(low: float, high: float) -> Interval:
+    for _ in range(_LIBRARY_ULPS):
+        low, high = _down(low), _up(high)
+    return Interval(low, high)
+
+
+def _rising(function: Callable[[float], float], x: Interval) -> Interval:
+    return _widened(function(x.low), function(x.high))
+
+
+def exp(x: Interval) -> Interval:
+    """Enclose e^x."""
+    return _rising(math.exp, x)
+
+
+def log1p(x: Interval) -> Interval:
+    """Enclose ln(1 + x), x > -1."""
+    if x.low <= -1.0:
+        raise Undecided(f"log1p {x}")
+    return _rising(math.log1p, x)
+
+
+def power(x: Interval | float, y: Interval | float) -> Interval:
+    """Enclose x^y, x >= 0: monotonic in each of the two, so the corners bound it."""
+    a, b = _interval(x), _interval(y)
+    if a.low < 0.0 or (a.low == 0.0 and b.low < 0.0):
+        raise Undecided(f"{a} ** {b}")
+    corners = [math.pow(s, t) for s in (a.low, a.high) for t in (b.low, b.high)]
+    return _widened(min(corners), max(corners))
+
+
+def atan2(y: Interval, x: Interval) -> Interval:
+    """Enclose the angle of (x, y); undecided across the cut along -x and around the origin."""
+    if x.low <= 0.0 and (y.low < 0.0 <= y.high or (y.low == 0.0 and x.high >= 0.0)):
+        raise Undecided(f"atan2 {y} {x}")
+    corners = [math.atan2(s, t) for s in (y.low, y.high) for t in (x.low, x.high)]
+    return _widened(min(corners), max(corners))
+
+
+def floor(x: Interval) -> int:
+    """Return the whole number below all of x."""
+    below = math.floor(x.low)
+    if math.floor(x.high) != below:
+        raise Undecided(f"floor {x}")
+    return below
