@@ -272,10 +272,8 @@ def _triangulate(rings: list[Array]) -> tuple[Array, Array]:
     network = shapely.unary_union(shapely.linestrings(np.stack([starts, ends], axis=1)))
     faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(network)))
 
-    index: dict[tuple[float, float], int] = {}
     positions = [(float(x), float(y)) for x, y in starts]
-    for number, position in enumerate(positions):
-        index.setdefault(position, number)
+    index = {position: number for number, position in enumerate(positions)}
     triangles = []
     for face in faces:
         if not _inside(face.representative_point(), starts, ends):
