@@ -240,8 +240,8 @@ def test_no_ray_slips_through_an_edge_between_two_triangles(kind, llvm_ad_rgb):
 
 
 def test_vertices_that_float32_cannot_tell_apart_are_one(llvm_ad_rgb):
-    # The first edge passes 2^-22 / 33 = 7e-9 below the corner (1, 1), which is less than half
-    # a unit in the last place: two crossings and the corner are one vertex. The corner is a hair above the
+    # The first edge passes 2^-22 / 33 = 7e-9 below the corner (1, 1), which is less than half a unit
+    # in the last place: two crossings and the corner are one vertex. The corner is a hair above the
     # plane, where the crossings alone would not be, and a gap would open.
     shape = polygon(f".9375,.9375,0 3,{3 - 2**-22!r},0 3,-3,0; 1,1,1e-5 2,-1,0 0,-1,0", normal=[0, 0, 1])
     positions, faces, _ = mesh(shape)
@@ -273,8 +273,8 @@ def test_the_normal_is_on_the_side_from_which_the_first_ring_runs_counter_clockw
 
 
 def test_where_edges_cross_in_a_tilted_plane_a_vertex_of_the_plane_is_made(any_variant):
-    positions, _, _ = mesh(polygon("0,0,0 1,1,3 1,0,1 0,1,2"))  # the bow-tie in z = x + 2 y
-    assert positions[5].tolist() == [0.5, 0.5, 1.5]
+    positions, _, _ = mesh(polygon("0,0,0 4,4,12 3,-1,1 0,2,4"))  # in z = x + 2 y
+    assert positions[5].tolist() == [1, 1, 3]
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
