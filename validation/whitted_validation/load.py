@@ -57,7 +57,7 @@ def load(seen: Scene, folders: Sequence[Path], defines: Mapping[str, str], senso
     usual = mi.file_resolver()  # type: ignore[operator]  # its stub takes it for an object
     resolver = mi.FileResolver()
     resolver.clear()
-    for folder in [*folders, *(path for path in usual if path != Path.cwd())]:
+    for folder in [*map(str, folders), *(str(path) for path in usual if str(path) != str(Path.cwd()))]:
         resolver.append(folder)
     mi.set_file_resolver(resolver)  # type: ignore[operator]  # likewise
     try:

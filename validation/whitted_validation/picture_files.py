@@ -55,9 +55,17 @@ def write(path: Path, picture: NDArray[np.float32], exposure: float = 0.0) -> No
             case ".exr":
                 mi.Bitmap(picture).write(str(draft))
             case ".png":
-                shown = mi.Bitmap(picture * np.float32(2.0**exposure))
-                shown.convert(component_format=mi.Struct.Type.UInt8, srgb_gamma=True).write(str(draft))
+                mi.Bitmap(_srgb(picture * 2.0**exposure)).write(str(draft))
         draft.replace(path)
+
+
+def _srgb(picture: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """Encode linear values as 8-bit sRGB (IEC 61966-2-1), to the nearest step; Mitsuba's own cuts off."""
+    import numpy as np
+
+    linear = np.clip(picture.astype(np.float64), 0.0, 1.0)
+    coded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return (255.0 * coded + 0.5).astype(np.uint8)
 
 
 @contextmanager
