@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 from collections.abc import Callable
 from typing import Any
 
@@ -41,8 +40,6 @@ def register() -> None:
         raise ImportError(f"{variant}: {LIBLLVM.refusal}")
 
     for name, (kind, module) in _PLUGINS.items():
-        if importlib.util.find_spec(module) is None:  # still being written
-            continue
         # Spectra and polarisation are no part of the picture; mono is the same picture in grey.
         drawable = not ("spectral" in variant or "polarized" in variant)
         plugin = importlib.import_module(module).define() if drawable else _refusal(name, variant)
