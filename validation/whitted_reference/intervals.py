@@ -1,8 +1,9 @@
 """Interval arithmetic on floats: every result encloses the exact one (Moore 1966).
 
-Each end is rounded outward by one unit in the last place, whether or not it was exact. A comparison
-whose answer differs within the intervals raises `Undecided`: a picture computed with intervals says of
-every yes/no decision that it is certain, or that it is not.
+Each end is rounded outward, and only if it is not exact: what the rounding of a float operation leaves
+out is itself a float, whose sign tells the direction (Dekker 1971). A comparison whose answer differs
+within the intervals raises `Undecided`: a picture computed with intervals says of every yes/no decision
+that it is certain, or that it is not.
 """
 
 from __future__ import annotations
@@ -26,6 +27,55 @@ def _down(x: float) -> float:
 
 def _up(x: float) -> float:
     return math.nextafter(x, math.inf)
+
+
+def _low(value: float, error: float) -> float:
+    """Return a lower bound of value + error, for a rounding error that may be undefined (NaN)."""
+    return value if error >= 0.0 else _down(value)
+
+
+def _high(value: float, error: float) -> float:
+    return value if error <= 0.0 else _up(value)
+
+
+def _sum(a: float, b: float) -> tuple[float, float]:
+    """Return a + b rounded, and what the rounding left out."""
+    total = a + b
+    back = total - a
+    return total, (a - (total - back)) + (b - back)
+
+
+_SPLIT = 2.0**27 + 1.0
+_SAFE = (1e-280, 1e280)  # beyond, the parts of a product may underflow or overflow
+
+
+def _product(a: float, b: float) -> tuple[float, float]:
+    """Return a * b rounded, and what the rounding left out; NaN where that is not known."""
+    product = a * b
+    if a == 0.0 or b == 0.0:
+        return 0.0, 0.0
+    if not _SAFE[0] < abs(product) < _SAFE[1] or not abs(a) < _SAFE[1] or not abs(b) < _SAFE[1]:
+        return product, math.nan
+    head_a, head_b = _SPLIT * a, _SPLIT * b
+    head_a -= head_a - a
+    head_b -= head_b - b
+    tail_a, tail_b = a - head_a, b - head_b
+    return product, tail_a * tail_b - (((product - head_a * head_b) - tail_a * head_b) - head_a * tail_b)
+
+
+def _quotient(a: float, b: float) -> tuple[float, float]:
+    """Return a / b rounded, and a number with the sign of what the rounding left out."""
+    quotient = a / b
+    back, error = _product(quotient, b)
+    rest = (a - back) - error
+    return quotient, rest if b > 0.0 else -rest
+
+
+def _root(a: float) -> tuple[float, float]:
+    """Return sqrt(a) rounded, and a number with the sign of what the rounding left out."""
+    root = math.sqrt(a)
+    back, error = _product(root, root)
+    return root, (a - back) - error
 
 
 class Interval:
@@ -55,13 +105,13 @@ class Interval:
 
     def __add__(self, other: Interval | float) -> Interval:
         b = _interval(other)
-        return Interval(_down(self.low + b.low), _up(self.high + b.high))
+        return Interval(_low(*_sum(self.low, b.low)), _high(*_sum(self.high, b.high)))
 
     __radd__ = __add__
 
     def __sub__(self, other: Interval | float) -> Interval:
         b = _interval(other)
-        return Interval(_down(self.low - b.high), _up(self.high - b.low))
+        return Interval(_low(*_sum(self.low, -b.high)), _high(*_sum(self.high, -b.low)))
 
     def __rsub__(self, other: float) -> Interval:
         return -(self - other)
@@ -69,10 +119,8 @@ class Interval:
     def __mul__(self, other: Interval | float) -> Interval:
         if other is self:  # a square is not negative
             a = abs(self)
-            return Interval(max(_down(a.low * a.low), 0.0), _up(a.high * a.high))
-        b = _interval(other)
-        ends = (self.low * b.low, self.low * b.high, self.high * b.low, self.high * b.high)
-        return Interval(_down(min(ends)), _up(max(ends)))
+            return Interval(max(_low(*_product(a.low, a.low)), 0.0), _high(*_product(a.high, a.high)))
+        return self._corners(_product, _interval(other))
 
     __rmul__ = __mul__
 
@@ -80,8 +128,11 @@ class Interval:
         b = _interval(other)
         if b.low <= 0.0 <= b.high:
             raise Undecided(f"division by {b}")
-        ends = (self.low / b.low, self.low / b.high, self.high / b.low, self.high / b.high)
-        return Interval(_down(min(ends)), _up(max(ends)))
+        return self._corners(_quotient, b)
+
+    def _corners(self, operation: Callable[[float, float], tuple[float, float]], b: Interval) -> Interval:
+        ends = [operation(x, y) for x in (self.low, self.high) for y in (b.low, b.high)]
+        return Interval(min(_low(*end) for end in ends), max(_high(*end) for end in ends))
 
     def __rtruediv__(self, other: float) -> Interval:
         return _interval(other) / self
@@ -140,7 +191,7 @@ def sqrt(x: Interval) -> Interval:
     """Enclose the square root, which floats round correctly."""
     if x.low < 0.0:
         raise Undecided(f"sqrt {x}")
-    return Interval(max(_down(math.sqrt(x.low)), 0.0), _up(math.sqrt(x.high)))
+    return Interval(max(_low(*_root(x.low)), 0.0), _high(*_root(x.high)))
 
 
 def _widened(low: float, high: float) -> Interval:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from whitted_reference import scene
 from whitted_reference.arithmetic import Arithmetic
 from whitted_reference.transforms import inverse_linear
-from whitted_reference.vectors import Colour, Number
+from whitted_reference.vectors import BLACK, Colour, Number
 
 # Unit vector towards the light, its distance, and the colour that arrives where nothing blocks it.
 Arrival = tuple[Number, Number, Number, Number, Colour]
@@ -38,14 +38,14 @@ class Point:
         self._sqrt = arithmetic.sqrt
 
     def arrive(self, x: Number, y: Number, z: Number) -> Arrival | None:
-        """Return what arrives at (x, y, z); None exactly at the light."""
+        """Return what arrives at (x, y, z): exactly at the light nothing, from nowhere."""
         lx, ly, lz, red, green, blue = self._data
         lx -= x
         ly -= y
         lz -= z
         squared = lx * lx + ly * ly + lz * lz
         if squared == 0:
-            return None
+            return 0, 0, 0, 0, BLACK
         distance = self._sqrt(squared)
         if self._falloff:
             red /= squared
@@ -80,8 +80,8 @@ class Spot(Point):
     def arrive(self, x: Number, y: Number, z: Number) -> Arrival | None:
         """Return what arrives at (x, y, z); None outside the cone."""
         arrival = super().arrive(x, y, z)
-        if arrival is None:
-            return None
+        if arrival is None or arrival[3] == 0:
+            return arrival
         lx, ly, lz, distance, (red, green, blue) = arrival
         f = self.share(self.angle(lx, ly, lz))
         if f == 0:

@@ -28,7 +28,7 @@ class Polygon(Primitive):
     def __init__(self, shape: scene.Polygon, arithmetic: Arithmetic) -> None:
         rings: list[list[Vec]] = [[arithmetic.vec(v) for v in ring] for ring in shape.rings]
         n, centre = plane(shape, arithmetic)
-        size = [abs(x) for x in n]
+        size = [abs(x) for x in plane(shape, FLOAT)[0]]
         along = 0 if size[0] >= size[1] and size[0] >= size[2] else 1 if size[1] >= size[2] else 2
         i, j = [axis for axis in range(3) if axis != along]
         self.data = (*centre, *n, i, j)

@@ -150,8 +150,10 @@ class Tracer:
             lx, ly, lz, distance, i = arrival
             n_l = nx * lx + ny * ly + nz * lz
             if not (n_l > 0 and gx * lx + gy * ly + gz * lz > 0):
+                if distance == 0:
+                    self.ties.append((surface.id, light.id))
                 continue  # below the horizon
-            if self._shadows and self.blocker(p, (lx, ly, lz), distance, primitive) is not None:
+            if self._shadows and self.blocker(p, (lx, ly, lz), distance, primitive, light) is not None:
                 continue
             if k_s is None:
                 red += k_d[0] * i[0] * n_l
@@ -199,14 +201,21 @@ class Tracer:
         t, _, primitive = found[0]
         return primitive, t
 
-    def blocker(self, p: Vec, l: Vec, distance: Number, leaving: Primitive) -> Primitive | None:  # noqa: E741
-        """Return a primitive on the open segment of that length from p along l, or None."""
+    def blocker(
+        self,
+        p: Vec,
+        l: Vec,
+        distance: Number,
+        leaving: Primitive,
+        light: lights.Light,
+    ) -> Primitive | None:
+        """Return a primitive on the open segment of that length from p along l to a light, or None."""
         found = self._world.blocker(p, l, self._start, distance, self._left(leaving))
         if found is None:
             return None
         t, _, primitive = found
         if not t * self._stretch < distance:
-            self.ties.append((primitive.surface.id, "light"))
+            self.ties.append((primitive.surface.id, light.id))
         return primitive if t < distance else None
 
     def _left(self, primitive: Primitive) -> Primitive | None:
