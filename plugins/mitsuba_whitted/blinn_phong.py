@@ -62,8 +62,9 @@ def define() -> type[mi.BSDF]:
 
          * - exponent
            - |float| or |texture|
-           - Phong exponent :math:`p`, dimensionless, in [0, 1e7]; a texture is clamped to that
-             range. 0 gives a highlight of :math:`k_s` from wherever the light is seen. (Default: 32)
+           - Phong exponent :math:`p`, dimensionless, in [0, 1e7]; of a texture the first channel
+             counts, clamped to that range. 0 gives a highlight of :math:`k_s` from wherever the light
+             is seen. (Default: 32)
            - |exposed|, |differentiable|
 
         The model of Blinn (1977) as Shirley, Ashikhmin and Marschner (*Fundamentals of Computer
@@ -181,10 +182,12 @@ def define() -> type[mi.BSDF]:
             # prob_glossy > 0: the sum of the other two may be rounded down to less than 1
             glossy = smooth & (sample1 >= prob_mirror + prob_diffuse) & (prob_glossy > 0)
 
+            # Direction and density are detached, the value is not: then its mean has the derivative of the
+            # reflected light. Directions that moved with the exponent would miss what the horizon cuts off.
             h = _power_hemisphere(sample2, self._exponent(si, active))
             bs: Any = dr.zeros(mi.BSDFSample3f)
             bs.wo = mi.warp.square_to_cosine_hemisphere(sample2)
-            bs.wo = dr.select(glossy, mi.reflect(si.wi, h), bs.wo)
+            bs.wo = dr.select(glossy, dr.detach(mi.reflect(si.wi, h)), bs.wo)
             bs.wo = dr.select(mirror, mi.reflect(si.wi), bs.wo)
             bs.eta = 1
             bs.sampled_component = dr.select(glossy, mi.UInt32(GLOSSY), mi.UInt32(DIFFUSE))
@@ -195,7 +198,7 @@ def define() -> type[mi.BSDF]:
             bs.sampled_type = dr.select(mirror, mi.UInt32(mi.BSDFFlags.DeltaReflection), bs.sampled_type)
 
             value, pdf = self.eval_pdf(ctx, si, bs.wo, smooth)
-            bs.pdf = dr.select(mirror, prob_mirror, pdf)
+            bs.pdf = dr.select(mirror, prob_mirror, dr.detach(pdf))
             value = dr.select(mirror, self.mirror_reflectance.eval(si, mirror), value)
             weight = value / dr.select(bs.pdf > 0, bs.pdf, 1)  # a pdf of zero goes with a value of zero
             return bs, weight
@@ -208,7 +211,8 @@ def define() -> type[mi.BSDF]:
             return f"BlinnPhong[\n{textwrap.indent(parameters, '  ')}\n]"
 
         def _exponent(self, si: mi.SurfaceInteraction3f, active: Any) -> Any:
-            return dr.clip(self.exponent.eval_1(si, active), 0, MAX_EXPONENT)
+            # The first of equal channels: the checkerboard's eval_1() has its two values exchanged.
+            return dr.clip(self.exponent.eval(si, active)[0], 0, MAX_EXPONENT)
 
         def _probabilities(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, active: Any) -> Any:
             """Share out the samples among the components by what each reflects of a white sky.
