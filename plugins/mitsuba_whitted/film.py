@@ -65,6 +65,24 @@ def expose(film: mi.Film, n: int, draw: Draw, progress: Progress | None = None) 
     return canvas.finish()
 
 
+def totals(film: mi.Film, n: int, count: Callable[[Any, Any, Any], tuple[Any, ...]]) -> list[int]:
+    """Sum up what `count` finds for each sample of the crop window: UInt32 numbers for x, y and a mask."""
+    width, height = (int(size) for size in film.crop_size())
+    rows = min(height, TILE * max(1, SAMPLES_AT_ONCE // (TILE * width * n * n)))
+    sums: list[int] = []
+    for top in range(0, height, rows):
+        bottom = min(top + rows, height)
+        if dr.is_jit_v(mi.Float):
+            found = count(*_sub_pixels(width, top, bottom, n), mi.Bool(True))
+            dr.eval(found)
+            batches = [[int(np.sum(np.array(part), dtype=np.uint64)) for part in found]]
+        else:
+            batches = [count(x, y, True) for x, y in _positions(width, top, bottom, n)]
+        for batch in batches:
+            sums = [a + int(b) for a, b in zip(sums or [0] * len(batch), batch, strict=True)]
+    return sums
+
+
 def _is_box(rfilter: mi.ReconstructionFilter) -> bool:
     """Whether a pixel is the plain mean of its own samples."""
     return rfilter.class_name() == "BoxFilter" and float(rfilter.radius()) == 0.5
@@ -89,28 +107,33 @@ def _samples(width: int, top: int, bottom: int, n: int, draw: Draw) -> Any:
     """Draw n x n samples of each pixel: flat (channels, pixel, n, n), the last channel 1 where something was hit."""
     count = width * (bottom - top) * n * n
     if not dr.is_jit_v(mi.Float):
-        return np.concatenate(list(_one_by_one(width, top, bottom, n, draw))).reshape(count, -1).T
-    size = opaque(mi.Vector3u(width, top, n))
-    lane = dr.arange(mi.UInt32, count)
-    # All samples of a pixel stand side by side, which keeps a vector's rays closer than tiles would.
-    pixel, part = lane // (size.z * size.z), lane % (size.z * size.z)
-    x = mi.Float(pixel % size.x) + (mi.Float(part % size.z) + 0.5) / mi.Float(size.z)
-    y = mi.Float(pixel // size.x + size.y) + (mi.Float(part // size.z) + 0.5) / mi.Float(size.z)
-    planes = _planes(*draw(x, y, mi.Bool(True)))
+        samples = [_planes(*draw(x, y, True)) for x, y in _positions(width, top, bottom, n)]
+        return np.array(samples, np.float32).T
+    planes = _planes(*draw(*_sub_pixels(width, top, bottom, n), mi.Bool(True)))
     samples = dr.empty(mi.Float, len(planes) * count)
+    lane = dr.arange(mi.UInt32, count)
     for i, plane in enumerate(planes):
-        dr.scatter(samples, plane, lane + i * count, mode=dr.ReduceMode.Permute)
+        dr.scatter(samples, plane, lane + opaque(mi.UInt32(i * count)), mode=dr.ReduceMode.Permute)
     dr.eval(samples)
     return samples
 
 
-def _one_by_one(width: int, top: int, bottom: int, n: int, draw: Draw) -> Iterator[NDArray[np.float32]]:
-    """Draw the samples in a variant without Dr.Jit, where a kernel is called like any function."""
+def _sub_pixels(width: int, top: int, bottom: int, n: int) -> tuple[Any, Any]:
+    """Make x and y of all samples of a band: those of a pixel side by side, so that a vector's rays stay close."""
+    size = opaque(mi.Vector3u(width, top, n))
+    lane = dr.arange(mi.UInt32, width * (bottom - top) * n * n)
+    pixel, part = lane // (size.z * size.z), lane % (size.z * size.z)
+    x = mi.Float(pixel % size.x) + (mi.Float(part % size.z) + 0.5) / mi.Float(size.z)
+    y = mi.Float(pixel // size.x + size.y) + (mi.Float(part // size.z) + 0.5) / mi.Float(size.z)
+    return x, y
+
+
+def _positions(width: int, top: int, bottom: int, n: int) -> Iterator[tuple[float, float]]:
+    """List the same positions one by one, for a variant without Dr.Jit, whose kernel is called like any function."""
     for y in range(top, bottom):
         for x in range(width):
             for part in range(n * n):
-                planes = _planes(*draw(x + (part % n + 0.5) / n, y + (part // n + 0.5) / n, True))
-                yield np.array(planes, np.float32)
+                yield x + (part % n + 0.5) / n, y + (part // n + 0.5) / n
 
 
 def _planes(colour: Any, hit: Any) -> list[Any]:

@@ -24,7 +24,7 @@ class Placement(NamedTuple):
         """Bring a ray into the group's space, its direction again of unit length."""
         d = mi.Vector3f(*(dr.dot(row.xyz, d) for row in self.to_local_rows))
         length = dr.norm(d)
-        return mi.Point3f(*(dr.dot(row.xyz, o) + row.w for row in self.to_local_rows)), d / length, t * length
+        return mi.Point3f(*(dr.dot(row.xyz, o) + row.w for row in self.to_local_rows)), d * dr.rcp(length), t * length
 
     def to_world(self, p: Any, n: Any, n_g: Any, reach: Any) -> tuple[Any, Any, Any, Any]:
         """Bring a hit back; a normal goes by the inverse transposed, so that it stays on its side."""

@@ -14,7 +14,7 @@ from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.materials import constant
 from mitsuba_whitted.plan import Plan, plan_of
 from mitsuba_whitted.stage import Settings, Stage
-from mitsuba_whitted.trace import Traced, trace
+from mitsuba_whitted.trace import trace
 
 TERMS = ("ambient", "diffuse", "specular", "shadows", "mirrors")
 
@@ -175,16 +175,15 @@ def define() -> type[mi.SamplingIntegrator]:
             sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
             stage, plan = self._prepare(scene)
             camera = Camera(sensor)
-            counts = {"camera": 0, "mirror": 0, "shadow": 0}
 
-            def trace_at(x: Any, y: Any, active: Any) -> Traced:
-                return trace(stage, plan, camera.rays(x, y), active)
+            n = self._grid(sensor, spp)
 
-            for cameras, mirrors, shadows in film.counted(sensor.film(), self._grid(sensor, spp), trace_at):
-                counts["camera"] += cameras
-                counts["mirror"] += mirrors
-                counts["shadow"] += shadows
-            return counts
+            def count(x: Any, y: Any, active: Any) -> tuple[Any, Any]:
+                traced = trace(stage, plan, camera.rays(x, y), active)
+                return traced.mirror_rays, traced.shadow_rays
+
+            mirror, shadow = film.totals(sensor.film(), n, count)
+            return {"camera": math.prod(sensor.film().crop_size()) * n * n, "mirror": mirror, "shadow": shadow}
 
         def aov_names(self) -> list[str]:
             """No channels besides colour."""

@@ -88,11 +88,15 @@ def _bounce(stage: Stage, plan: Plan, ray: _Ray) -> _Ray:
     """Do what ``raycolor`` does for one ray, and return the mirrored ray in place of the recursive call."""
     depth = ray.k + 1
     sees_lamps = ray.active & (depth <= stage.max_depth)
+    colour = mi.Spectrum(0)
+    if not plan.shapes:
+        if plan.background:
+            colour = dr.select(sees_lamps, stage.background(ray.d, sees_lamps), 0)
+        return ray._replace(colour=colour)
+
     traversal = mi.Ray3f(ray.o + ray.shift, ray.d, ray.end, 0, [])
     pi = stage.surfaces.first_hit(traversal, ray.active)
     found = ray.active & pi.is_valid()
-
-    colour = mi.Spectrum(0)
     if plan.background:
         missed = sees_lamps & (found ^ True)
         colour = dr.select(missed, stage.background(ray.d, missed), colour)
