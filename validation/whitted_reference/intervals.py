@@ -227,7 +227,10 @@ def power(x: Interval | float, y: Interval | float) -> Interval:
 
 def atan2(y: Interval, x: Interval) -> Interval:
     """Enclose the angle of (x, y); undecided across the cut along -x and around the origin."""
-    if x.low <= 0.0 and (y.low < 0.0 <= y.high or (y.low == 0.0 and x.high >= 0.0)):
+    if y.low == y.high == 0.0 and x.low >= 0.0:
+        return Interval(0.0, 0.0)
+    known = y.low == y.high and x.low == x.high
+    if not known and x.low <= 0.0 and (y.low < 0.0 <= y.high or (y.low == 0.0 and x.high >= 0.0)):
         raise Undecided(f"atan2 {y} {x}")
     corners = [math.atan2(s, t) for s in (y.low, y.high) for t in (x.low, x.high)]
     return _widened(min(corners), max(corners))

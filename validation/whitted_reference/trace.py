@@ -204,7 +204,7 @@ class Tracer:
     def blocker(
         self,
         p: Vec,
-        l: Vec,
+        l: Vec,  # noqa: E741
         distance: Number,
         leaving: Primitive,
         light: lights.Light,
