@@ -157,6 +157,19 @@ CASES = {
     "material that whitted cannot draw": Case(
         ("glass", "SmoothDielectric", "allowed are"), edit=shape('<bsdf type="dielectric" id="glass"/>')
     ),
+    "misspelt parameter in an included file": Case(
+        ("more.xml:2: ", 'id="wrong"', 'name="radus"'),
+        edit=more('<include filename="more.xml"/>'),
+        files={
+            "more.xml": b'<scene version="3.0.0">\n'
+            b'<shape type="sphere" id="wrong"><float name="radus" value="1"/></shape></scene>'
+        },
+    ),
+    "unknown element in an included file": Case(
+        ("more.xml:2: ", "<shpae>"),
+        edit=more('<include filename="more.xml"/>'),
+        files={"more.xml": b'<scene version="3.0.0">\n<shpae/></scene>'},
+    ),
     "unresolved reference": Case((LINE, 'id="wrong"', '"nobody"'), edit=shape('<ref id="nobody"/>')),
     "undefined parameter": Case(
         (LINE, 'name="radius"', "undefined parameter $r"), edit=shape('<float name="radius" value="$r"/>')
@@ -383,6 +396,7 @@ def test_bad_input_gets_one_line_and_exit_code_2(name: str, outcomes: dict[str, 
     assert outcome.stdout == ""
     assert outcome.stderr.count("\n") == 1, outcome.stderr
     assert outcome.stderr.startswith("whitted: ")
+    assert "Traceback" not in outcome.stderr
     for part in CASES[name].says:
         assert part in outcome.stderr
     assert outcome.after == outcome.before

@@ -248,10 +248,7 @@ def _numbers(element: Element, key: str) -> Iterator[float]:
     """Read the numbers of an attribute; each must be finite as float32, in which the picture is drawn."""
     for text in re.split(r"[\s,:]+", element.attributes.get(key, "").strip()):
         try:
-            number = float(text)
-            (number,) = struct.unpack("f", struct.pack("f", number))
-        except OverflowError:
-            number = float("inf")
+            (number,) = struct.unpack("f", struct.pack("f", float(text)))  # native: what is too large is inf
         except ValueError:
             if text:
                 element.refuse(f'{key}="{element.attributes[key]}": {text} is not a number')
