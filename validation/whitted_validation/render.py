@@ -73,5 +73,5 @@ def statistics(loaded: Loaded, grid: int | None, kernels: Stopwatch, total: floa
     for kind, number in rays.items():
         yield f"{f'{kind} rays':<13} {number}"
     if kernels.running:  # a scalar variant has none
-        yield f"kernel time   {kernels.running:.3f} s, and {kernels.compiling:.3f} s to compile"
-    yield f"total time    {total:.3f} s"
+        yield f"kernel time   {kernels.running:.3g} s, and {kernels.compiling:.3g} s to compile"
+    yield f"total time    {total:.3g} s"
