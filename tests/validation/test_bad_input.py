@@ -317,6 +317,9 @@ CASES = {
     ),
     "unknown picture format": Case(("picture.gif", ".exr, .png, .npy"), arguments=["-o", "picture.gif"]),
     "exposure of an exr": Case(("--exposure", ".png"), arguments=["--exposure", "1"]),
+    "exposure that is no number": Case(
+        ("--exposure nan", "-126..126"), arguments=["-o", "picture.png", "--exposure", "nan"]
+    ),
     "unknown variant": Case(
         ("-m quick_rgb", "no such variant", "llvm_ad_rgb"), arguments=["-m", "quick_rgb"]
     ),

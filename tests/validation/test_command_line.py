@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -49,10 +51,11 @@ SCENE = """<scene version="3.0.0">
 """
 
 
-def whitted(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+def whitted(*arguments: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run a command that must succeed."""
     command = [sys.executable, "-c", MAIN, *map(str, arguments)]
-    result = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300)
+    variables = {**os.environ, **environment}
+    result = subprocess.run(command, cwd=cwd, env=variables, capture_output=True, text=True, timeout=300)
     assert result.returncode == 0, result.stderr
     return result
 
@@ -80,6 +83,38 @@ def test_the_default_variant_is_announced_in_one_line_on_stderr(folder: Path) ->
 
 def test_a_variant_that_was_asked_for_is_not_announced(folder: Path) -> None:
     assert whitted("render", "scene.xml", "-m", "llvm_ad_rgb", cwd=folder).stderr == ""
+
+
+def test_without_a_usable_libllvm_scalar_rgb_draws_and_the_line_says_so(folder: Path) -> None:
+    result = whitted("render", "scene.xml", cwd=folder, DRJIT_LIBLLVM_PATH="/no/libLLVM.so")
+    lines = [line for line in result.stderr.splitlines() if "terrible performance" not in line]
+    assert len(lines) == 1
+    assert lines[0].startswith("whitted: variant scalar_rgb, slow: no usable libLLVM (/no/libLLVM.so, set by")
+    assert (folder / "scene.exr").is_file()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no pseudo-terminals")
+def test_progress_on_a_terminal_changes_no_byte(folder: Path) -> None:
+    import pty
+
+    larger = SCENE.replace('"width" value="12"', '"width" value="40"').replace(
+        '"height" value="9"', '"height" value="30"'
+    )
+    (folder / "scene.xml").write_text(larger)
+    quiet = draw(folder, "--grid", "64")  # 4.9 million samples: several bands where somebody watches
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-c", MAIN, "render", "scene.xml", "-o", "watched.npy", "--grid", "64"]
+    with subprocess.Popen(command, cwd=folder, stderr=theirs) as process:
+        os.close(theirs)
+        shown = b""
+        with contextlib.suppress(OSError):  # a closed terminal ends with an error
+            while part := os.read(ours, 4096):
+                shown += part
+    os.close(ours)
+    assert process.returncode == 0
+    assert b"watched.npy" in shown
+    assert b"100%" in shown
+    assert np.load(folder / "watched.npy").tobytes() == quiet.tobytes()
 
 
 def test_the_picture_goes_beside_the_scene_by_default_as_in_mitsuba(folder: Path) -> None:
@@ -272,6 +307,17 @@ def test_scenes_are_never_copied_over_anything(tmp_path: Path) -> None:
 def test_doctor_names_the_libllvm_and_tries_the_variants(tmp_path: Path) -> None:
     text = whitted("doctor", cwd=tmp_path).stdout
     for part in ("mitsuba 3.9", "drjit", "libLLVM", "scalar_rgb     works", "llvm_ad_rgb    works"):
+        assert part in text
+
+
+def test_doctor_does_not_try_a_libllvm_that_would_abort(tmp_path: Path) -> None:
+    text = whitted("doctor", cwd=tmp_path, DRJIT_LIBLLVM_PATH="/no/libLLVM.so").stdout
+    for part in (
+        "problem: no usable libLLVM",
+        "pip install",
+        "scalar_rgb     works",
+        "llvm_ad_rgb    not tried",
+    ):
         assert part in text
 
 

@@ -24,6 +24,7 @@ from whitted_validation.refusal import Refusal
 if TYPE_CHECKING:
     from whitted_validation.load import Loaded
 
+MAX_EXPOSURE = 126  # stops: float32 spans no more, from its least normal number to 1
 TERMS = ("ambient", "diffuse", "specular")
 
 
@@ -142,6 +143,8 @@ def render(
     picture_file = Path(output) if output else Path(scene).with_suffix(".exr")
     if exposure is not None and picture_file.suffix.lower() != ".png":
         raise Refusal(f"--exposure is for .png; {picture_file} holds the picture as it was computed")
+    if exposure is not None and not abs(exposure) <= MAX_EXPOSURE:
+        raise Refusal(f"--exposure {exposure:g}: allowed are -{MAX_EXPOSURE}..{MAX_EXPOSURE} stops")
     if reference and (variant or threads or verbose or stats):
         raise Refusal("--reference draws without Mitsuba and takes none of -m, -t, -v and --stats")
     off = {term for term in TERMS if only is not None and term not in only}

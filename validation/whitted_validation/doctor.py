@@ -29,7 +29,7 @@ def report() -> Iterator[str]:
 def _verdict(variant: str) -> str:
     """Draw a white disk under a light of 1 in a variant: its pixel must be 1, by model.md."""
     if variant.startswith("llvm") and mitsuba_whitted.LIBLLVM.refusal:
-        return "not tried: the libLLVM would abort the process"
+        return "not tried, for the problem above"
     if variant.startswith("cuda") and not dr.has_backend(dr.JitBackend.CUDA):
         return "no NVIDIA GPU answers"
     try:

@@ -39,7 +39,7 @@ def choose(asked: str | None) -> tuple[str, str]:
             return "cuda_ad_rgb", "variant cuda_ad_rgb, since a GPU answers"
         if llvm.refusal is None:
             return "llvm_ad_rgb", f"variant llvm_ad_rgb, libLLVM {number} {llvm.reason}"
-        return "scalar_rgb", f"variant scalar_rgb, slow, since there is {llvm.refusal}"
+        return "scalar_rgb", f"variant scalar_rgb, slow: {llvm.refusal}"
     if asked not in mi.variants():
         raise Refusal(f"-m {asked}: no such variant; this Mitsuba has {', '.join(_drawable())}")
     if asked not in _drawable():
