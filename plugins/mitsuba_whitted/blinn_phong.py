@@ -275,7 +275,8 @@ def _reflectance(props: mi.Properties, name: str, default: float = 0.0) -> Any:
     texture: Any = props.get_texture(name, default)
     if given is not None and not literal:
         for key, values in mi.traverse(texture):
-            if key.split(".")[-1] in ("value", "data"):  # of a constant, of a bitmap
+            stored = key.split(".")[-1] in ("value", "data")  # of a constant, of a bitmap
+            if stored and np.array(values).dtype != np.uint8:  # a byte as in the file stands for [0, 1]
                 _check_range(props, name, values, 1)
     return texture
 

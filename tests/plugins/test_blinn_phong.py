@@ -555,6 +555,49 @@ def test_mitsubas_own_integrators_draw_the_formula(any_variant, integrator):
     assert np.abs(image - expected).max() <= limit
 
 
+def test_path_and_whitted_agree_on_one_light_without_mirrors(llvm_ad_rgb):
+    k_d, k_s, p, width, height = 0.25, 0.5, 8.0, 24, 16
+
+    def scene(integrator):
+        look = mi.ScalarTransform4f().look_at([0, -2, 2], [0, 0, 0], [0, 0, 1])
+        film = {"type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"}}
+        material = {
+            "type": "blinnphong",
+            "diffuse_reflectance": k_d,
+            "specular_reflectance": k_s,
+            "exponent": p,
+        }
+        return mi.load_dict(
+            {
+                "type": "scene",
+                "integrator": integrator,
+                "sensor": {"type": "perspective", "fov": 40, "to_world": look, "film": film},
+                "floor": {
+                    "type": "rectangle",
+                    "to_world": mi.ScalarTransform4f().scale(10),
+                    "bsdf": material,
+                },
+                "light": {"type": "point", "position": [0.5, 1, 1.5], "intensity": 4.0},
+            }
+        )
+
+    ours = np.array(mi.render(scene({"type": "whitted"}), spp=1)).reshape(-1, 3)
+    path = scene({"type": "path", "max_depth": 2})  # along the same rays, through the pixels' centres
+    y, x = np.mgrid[:height, :width]
+    centres = mi.Point2f(np.float32((x + 0.5) / width).ravel(), np.float32((y + 0.5) / height).ravel())
+    rays, _ = path.sensors()[0].sample_ray(0, 0.5, centres, 0.5)
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(0, width * height)
+    theirs = np.array(path.integrator().sample(path, sampler, rays)[0]).T
+
+    # Hit points are up to 4 from the camera and 1.5 from the light at least, with 8 roundings of their size:
+    # 20 u in l, v and n.l, twice that in the power's n.h and in 1/distance^2. Each side may err by as much.
+    relative = 2 * U * (20 + 40 + 40 * p)
+    assert np.abs(ours - theirs).max() <= relative * theirs.max()
+    assert theirs.min() > 0
+    assert theirs.max() > 5 * theirs.min()
+
+
 def test_the_path_integrator_sees_the_sky_in_the_mirror(llvm_ad_rgb):
     colour = [0.25, 0.5, 0.75]
     scene = mi.load_dict(
@@ -627,6 +670,13 @@ def test_a_bitmap_outside_the_unit_interval_is_refused(llvm_ad_rgb):
     for brightest in (1.5, math.nan):
         with pytest.raises(RuntimeError, match=r"blinnphong `paint`: diffuse_reflectance is .*, allowed is"):
             blinnphong(diffuse_reflectance=bitmap(brightest))
+
+
+def test_a_bitmap_of_bytes_reaches_from_0_to_255(any_variant):
+    pixels = mi.Bitmap(np.uint8([[[0, 128, 255]]]))
+    for raw in (False, True):
+        bsdf = blinnphong(diffuse_reflectance={"type": "bitmap", "bitmap": pixels, "raw": raw})
+        assert np.max(bsdf.diffuse_reflectance.eval(seen_from([0, 0, 1]))) <= 1
 
 
 @pytest.mark.parametrize("value", [-1.0, 1.0001e7, math.nan, math.inf])
