@@ -48,16 +48,16 @@ class Prover:
     def pixel(self, x: int, y: int, grid: int = 1) -> Certificate:
         """Certify one pixel, or flag it."""
         colour = self._plain.pixel(x, y, grid)
+        ties, self._plain.ties = self._plain.ties, []
         scale = [max(1.0, abs(c)) for c in colour]
         exact = self._long.pixel(x, y, grid)
         apart = max(abs(float(b - DECIMAL.of(a))) / s for a, b, s in zip(colour, exact, scale, strict=True))
+        if ties:
+            return Certificate(colour, apart, None, "tie of " + " and ".join(ties[0]))
         try:
             enclosure = self._enclosing.pixel(x, y, grid)
         except Undecided as reason:
             return Certificate(colour, apart, None, f"undecided: {reason}")
         width = max(c.width / s for c, s in zip(enclosure, scale, strict=True))
         flag = None if width <= TARGET else f"ill-conditioned: enclosed to {width:.1e} only"
-        if self._plain.ties:
-            flag = "tie of " + " and ".join(self._plain.ties[0])
-            self._plain.ties.clear()
         return Certificate(colour, apart, width, flag)
