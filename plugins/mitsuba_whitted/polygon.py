@@ -70,9 +70,11 @@ def define() -> type[mi.Mesh]:
 
         The shape is a mesh. Its vertex 0 is the mean of the first ring's vertices and belongs to no
         triangle; then come the vertices as listed, then those where rings cross. All vertex normals are the
-        polygon's normal. An edit has to move all vertices of the mesh, number 0 too. Texture coordinates
-        are the two object coordinates that follow the normal's largest one in the order x, y, z, x, y,
-        scaled so that the polygon's bounding box becomes the unit square.
+        polygon's normal. An edit has to move all vertices of the mesh, number 0 too; Mitsuba computes the
+        normals anew thereafter, but for vertex 0.
+
+        Texture coordinates are the two object coordinates that follow the normal's largest one in the order
+        x, y, z, x, y, scaled so that the polygon's bounding box becomes the unit square.
 
         .. tabs::
             .. code-tab:: xml
@@ -137,8 +139,7 @@ def _build(text: Any, normal: Any, to_world: Any) -> _Triangulation:
     n = n / np.linalg.norm(n)
     _check_planar(outline, centre, n)
 
-    # Project along axis k, where the plane is steepest; i, j, k in cyclic order keep the orientation.
-    i, j, k = _axes(n)
+    i, j, k = _axes(n)  # project along k
     flat, faces = _triangulate([ring[:, [i, j]] for ring in rings])
     positions = np.empty((1 + len(flat), 3))
     positions[0] = centre
@@ -148,17 +149,21 @@ def _build(text: Any, normal: Any, to_world: Any) -> _Triangulation:
     if n[k] < 0:
         faces = faces[:, ::-1]
 
-    object_positions = (positions - origin) @ inverse_transpose
-    object_normal = np.linalg.solve(inverse_transpose, n)
-    texcoords = object_positions[:, _axes(object_normal)[:2]]
-    lower, upper = texcoords[1:].min(axis=0), texcoords[1:].max(axis=0)
-    texcoords = (texcoords - lower) / np.where(upper > lower, upper - lower, 1)
+    texcoords = _texcoords((positions - origin) @ inverse_transpose, np.linalg.solve(inverse_transpose, n))
     return _Triangulation(
         positions.astype(np.float32),
         n.astype(np.float32),
         texcoords.astype(np.float32),
         (faces + 1).astype(np.uint32),
     )
+
+
+def _texcoords(object_positions: Array, object_normal: Array) -> Array:
+    """Scale the coordinates across the normal's largest one, so that vertices 1 and on just fit [0, 1]."""
+    coordinates = object_positions[:, _axes(object_normal)[:2]]
+    lower, upper = coordinates[1:].min(axis=0), coordinates[1:].max(axis=0)
+    texcoords: Array = (coordinates - lower) / np.where(upper > lower, upper - lower, 1)
+    return texcoords
 
 
 def _parse(text: Any) -> list[Array]:
@@ -303,7 +308,10 @@ def _inside(point: Any, starts: Array, ends: Array) -> bool:
 
 
 def _axes(n: Array) -> list[int]:
-    """Put the axis of the largest component of n last, its two followers in cyclic order first."""
+    """Put the axis of the largest component of n last, after the two that follow it in cyclic order.
+
+    Then what is counter-clockwise in the first two is so as seen from the positive side of the last.
+    """
     k = int(np.abs(n).argmax())
     return [(k + 1) % 3, (k + 2) % 3, k]
 

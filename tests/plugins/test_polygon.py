@@ -414,6 +414,16 @@ def test_a_scene_keeps_the_python_object_with_its_bsdf_and_id(any_variant):
     assert "id = 'first'" in str(scene)
 
 
+def test_polygons_that_mitsuba_merges_by_their_material_stay_as_they_are(llvm_ad_rgb):
+    shapes = "".join(
+        f'<shape type="polygon"><string name="vertices" value="{vertices}"/><ref id="paint"/></shape>'
+        for vertices in (SQUARE, BOW_TIE)
+    )
+    scene = mi.load_string(f'<scene version="3.0.0"><bsdf type="blinnphong" id="paint"/>{shapes}</scene>')
+    (merged,) = scene.shapes()
+    assert float(merged.surface_area()[0]) == 1 + 0.5
+
+
 def test_texture_coordinates_are_the_object_coordinates_in_the_unit_square(any_variant):
     turn = mi.ScalarTransform4f().translate([5, 6, 7]).rotate([1, 0, 0], 90)
     shape = polygon("-1,-1,0 3,-1,0 3,1,0 -1,1,0", to_world=turn)
