@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +117,23 @@ def test_progress_on_a_terminal_changes_no_byte(folder: Path) -> None:
     assert b"watched.npy" in shown
     assert b"100%" in shown
     assert np.load(folder / "watched.npy").tobytes() == quiet.tobytes()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no SIGINT for a single process")
+@pytest.mark.parametrize("seconds", [0.0, 0.03, 1.0])  # while the kernel is recorded, compiled, run
+def test_an_interrupted_command_ends_at_once_and_leaves_nothing(folder: Path, seconds: float) -> None:
+    endless = SCENE.replace('"width" value="12"', '"width" value="4096"')
+    endless = endless.replace('"height" value="9"', '"height" value="4096"')
+    (folder / "scene.xml").write_text(endless)
+    command = [sys.executable, "-c", MAIN, "render", "scene.xml", "--grid", "64"]
+    with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr
+        assert process.stderr.readline().startswith("whitted: variant")
+        time.sleep(seconds)
+        process.send_signal(signal.SIGINT)
+        _, rest = process.communicate(timeout=60)  # the picture would take hours
+    assert (process.returncode, rest.splitlines()[-1]) == (130, "whitted: interrupted")
+    assert [path.name for path in folder.iterdir()] == ["scene.xml"]
 
 
 def test_the_picture_goes_beside_the_scene_by_default_as_in_mitsuba(folder: Path) -> None:

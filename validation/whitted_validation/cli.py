@@ -290,6 +290,7 @@ def main() -> None:
 
 def run(arguments: list[str]) -> int:
     """Run one command; whatever is refused becomes one line on stderr."""
+    code = 2
     try:
         return int(whitted.main(arguments, prog_name="whitted", standalone_mode=False) or 0)
     except click.exceptions.NoArgsIsHelpError as error:
@@ -300,10 +301,20 @@ def run(arguments: list[str]) -> int:
     except Refusal as error:
         message = str(error)
     except (click.Abort, KeyboardInterrupt):
-        click.echo("whitted: interrupted", err=True)
-        return 130
+        message, code = "interrupted", 130
+    except RuntimeError as error:
+        if not _interrupted(error):
+            raise
+        message, code = "interrupted", 130
     except BrokenPipeError:  # the reader of our output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     click.echo(f"whitted: {' '.join(message.split())}", err=True)
-    return 2
+    return code
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Look for Ctrl-C among the causes: Dr.Jit wraps what is raised while it records a kernel."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None

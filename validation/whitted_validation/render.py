@@ -34,8 +34,14 @@ def render(
     (height, width, channels) float32
         Linear radiance.
     """
+
+    def band_done(rows: int, all_rows: int) -> None:
+        dr.sync_thread()  # kernels run on when their call is over: the bar would run ahead, and Ctrl-C wait
+        if progress:
+            progress(rows, all_rows)
+
     samples = grid**2 if grid else 0
-    picture = loaded.integrator.render(loaded.scene, loaded.sensor, spp=samples, progress=progress)
+    picture = loaded.integrator.render(loaded.scene, loaded.sensor, spp=samples, progress=band_done)
     return np.array(picture, dtype=np.float32)
 
 
