@@ -76,6 +76,7 @@ def test_overlapping_intervals_leave_comparisons_undecided():
     assert low < high
     assert not high <= low
     assert low != high
+    assert high != low
     assert Interval(1.0, 1.0) == 1
     for compare in (
         "low < across",
@@ -86,7 +87,7 @@ def test_overlapping_intervals_leave_comparisons_undecided():
         "high != across",
     ):
         with pytest.raises(Undecided):
-            eval(compare, {"low": low, "across": across})
+            eval(compare, {"low": low, "high": high, "across": across})
     with pytest.raises(Undecided, match="division"):
         1 / Interval(-1.0, 1.0)
     with pytest.raises(Undecided, match="floor"):
@@ -173,9 +174,11 @@ STILL_LIFE = """
     <float name="intensity" value="20"/></emitter>
   <emitter type="directional" id="sun"><vector name="direction" value="1,-3,-1"/></emitter>
   <emitter type="constant"><rgb name="radiance" value="0.2 0.3 0.5"/></emitter>"""
-SENSOR = """<sensor type="perspective"><float name="fov" value="45"/><transform name="to_world">
+SENSOR = """<sensor type="perspective">
+  <float name="fov" value="45"/><transform name="to_world">
   <lookat origin="0.2,2.5,7" target="0,0.7,0" up="0,1,0"/></transform><film type="hdrfilm">
-  <integer name="width" value="24"/><integer name="height" value="16"/><rfilter type="box"/></film></sensor>"""
+  <integer name="width" value="24"/><integer name="height" value="16"/><rfilter type="box"/>
+  </film></sensor>"""
 AMBIENT = '<rgb name="ambient" value="0.1"/>'
 
 
@@ -222,6 +225,15 @@ def test_hierarchy_draws_the_same_picture_bit_for_bit(still_life):
         for x in range(24):
             assert with_boxes.pixel(x, y, 2) == without.pixel(x, y, 2)
     assert with_boxes.ties == without.ties
+
+
+def test_hierarchy_encloses_the_same_colours_in_intervals(still_life):
+    scene = resized(still_life, 5, 4)
+    with_boxes, without = Tracer(scene, INTERVAL), Tracer(scene, INTERVAL, hierarchy=False)
+    for y in range(4):
+        for x in range(5):
+            one, other = with_boxes.pixel(x, y), without.pixel(x, y)
+            assert [(c.low, c.high) for c in one] == [(c.low, c.high) for c in other]
 
 
 def test_hierarchy_agrees_in_forty_digits(still_life):

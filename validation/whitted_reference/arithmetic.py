@@ -29,7 +29,8 @@ class Arithmetic:
     ----------
     of : the number equal to a float or int
     ratio : the number closest to a fraction (or an enclosure of it)
-    approximate : the nearest float; None where one float cannot stand for the number
+    approximate : a float close by
+    spread : how far from it the number may be; None where `approximate` is the nearest float
     sqrt, exp, log1p, power, atan2 : the functions of that name; `power(x, y)` for x >= 0
     floor : the whole number below, as an int
     before : the closest number below: turns a closed end of an interval into an open one
@@ -41,7 +42,8 @@ class Arithmetic:
     name: str
     of: Callable[[float], Number]
     ratio: Callable[[Fraction], Number]
-    approximate: Callable[[Number], float] | None
+    approximate: Callable[[Number], float]
+    spread: Callable[[Number], float] | None
     sqrt: Callable[[Number], Number]
     exp: Callable[[Number], Number]
     log1p: Callable[[Number], Number]
@@ -68,6 +70,7 @@ FLOAT = Arithmetic(
     of=float,
     ratio=float,
     approximate=float,
+    spread=None,
     sqrt=math.sqrt,
     exp=math.exp,
     log1p=math.log1p,
@@ -128,6 +131,7 @@ DECIMAL = Arithmetic(
     of=Decimal,
     ratio=lambda q: _CONTEXT.divide(Decimal(q.numerator), Decimal(q.denominator)),
     approximate=float,
+    spread=None,
     sqrt=_CONTEXT.sqrt,  # correctly rounded, as are exp and ln
     exp=_CONTEXT.exp,
     log1p=_decimal_log1p,
@@ -147,7 +151,8 @@ INTERVAL = Arithmetic(
     name="intervals",
     of=lambda x: Interval(float(x), float(x)),
     ratio=intervals.ratio,
-    approximate=None,
+    approximate=intervals.middle,
+    spread=intervals.spread,
     sqrt=intervals.sqrt,
     exp=intervals.exp,
     log1p=intervals.log1p,

@@ -6,10 +6,11 @@ and leaves out only what is certain to be missed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from whitted_reference.arithmetic import Arithmetic
+from whitted_reference.intervals import Undecided
 from whitted_reference.shapes import Box, Primitive
 from whitted_reference.vectors import Number, Vec
 
@@ -19,6 +20,9 @@ FEW = 8  # up to so many primitives are simply all asked: a hierarchy would not 
 # Boxes are widened by this share of the largest coordinate in the scene, the eye's included. A corner's
 # distance along the ray and the distance of a hit are each off by a few 2^-53 of that: a factor of 2^7.
 PADDING = 2.0**-44
+# Where numbers are only known to lie close to a float, boxes are widened more, and a ray that is known no
+# better than half of that is not traced: it could not give a colour to 10^-12 anyway.
+WIDE_PADDING = 2.0**-36
 
 Found = tuple[Number, int, Primitive]  # distance, place in the scene's order, primitive
 
@@ -78,18 +82,14 @@ class Everything:
 class Hierarchy:
     """Boxes within boxes (Rubin and Whitted 1980), split at the median of the longest side."""
 
-    def __init__(
-        self,
-        primitives: Sequence[Primitive],
-        approximate: Callable[[Number], float],
-        closeness: Number,
-        reach: float,
-    ) -> None:
+    def __init__(self, primitives: Sequence[Primitive], arithmetic: Arithmetic, reach: float) -> None:
         """Build over primitives; `reach` bounds the coordinates of the eyes outside the boxes."""
-        self._approximate = approximate
-        self._stretch = 1 + closeness
+        self._approximate = arithmetic.approximate
+        self._spread = arithmetic.spread
+        self._stretch = 1 + arithmetic.closeness
         whole = _union([p.box for p in primitives])
-        slack = PADDING * max(reach, *(abs(x) for x in whole))
+        self._reach = max(reach, *(abs(x) for x in whole))
+        self._slack = slack = (PADDING if arithmetic.spread is None else WIDE_PADDING) * self._reach
         entries = [(p, [p.box[i] + p.box[i + 3] for i in range(3)]) for p in primitives]
         self._root = _split(entries, slack)
 
@@ -100,6 +100,7 @@ class Hierarchy:
         approximate, stretch = self._approximate, self._stretch
         found: list[Found] = []
         limit = [approximate(end)]
+        self._check(e, d)
         for primitive in self._near(e, d, limit):
             if primitive is leaving:
                 t = primitive.again(ex, ey, ez, dx, dy, dz, start, end)
@@ -119,6 +120,7 @@ class Hierarchy:
         stretch = self._stretch
         limit = end * stretch
         close = None
+        self._check(e, d)
         for primitive in self._near(e, d, [self._approximate(limit)]):
             if primitive is leaving:
                 t = primitive.again(ex, ey, ez, dx, dy, dz, start, limit)
@@ -129,6 +131,13 @@ class Hierarchy:
                 if t * stretch < end:
                     break
         return close
+
+    def _check(self, e: Vec, d: Vec) -> None:
+        """Refuse a ray that is not known well enough; no point of a box is farther than 4 reach."""
+        if self._spread is not None:
+            off = max(map(self._spread, e)) + 4.0 * self._reach * max(map(self._spread, d))
+            if not off <= 0.5 * self._slack:
+                raise Undecided(f"ray known to {off:.1e} only")
 
     def _near(self, e: Vec, d: Vec, limit: list[float]) -> Iterator[Primitive]:
         """Yield the primitives of all leaves that the ray meets before limit[0], which may shrink."""
@@ -178,8 +187,8 @@ def hierarchy_or_everything(
     primitives: Sequence[Primitive], arithmetic: Arithmetic, reach: float, hierarchy: bool
 ) -> Everything | Hierarchy:
     """Choose by number, unless the hierarchy is not wanted."""
-    if hierarchy and len(primitives) > FEW and arithmetic.approximate is not None:
-        return Hierarchy(primitives, arithmetic.approximate, arithmetic.closeness, reach)
+    if hierarchy and len(primitives) > FEW:
+        return Hierarchy(primitives, arithmetic, reach)
     return Everything(primitives, arithmetic)
 
 

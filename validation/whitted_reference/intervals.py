@@ -181,6 +181,16 @@ def _interval(x: object) -> Interval:
     raise TypeError(f"{x!r} is not a number")
 
 
+def middle(x: Interval) -> float:
+    """Return a float in the middle."""
+    return x.low if x.low == x.high else 0.5 * (x.low + x.high)
+
+
+def spread(x: Interval) -> float:
+    """Return how far from the middle the ends are, at most."""
+    return 0.0 if x.low == x.high else x.high - x.low
+
+
 def ratio(q: Fraction) -> Interval:
     """Enclose a fraction."""
     x = float(q)
