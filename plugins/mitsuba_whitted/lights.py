@@ -127,8 +127,8 @@ def _point(graph: SceneGraph, emitter: mi.Emitter) -> tuple[list[float], list[fl
 
 def _spot(graph: SceneGraph, emitter: mi.Emitter) -> tuple[list[float], list[float]]:
     projected = graph.child(emitter, "texture")
-    if projected is not None and constant(projected) not in ([1.0], [1.0, 1.0, 1.0]):
-        raise SceneError(f"emitter `{emitter.id()}`: a spot light's texture is not handled")
+    if projected is not None and constant(projected) is None:  # Mitsuba itself ignores a constant one
+        raise SceneError(f"emitter `{emitter.id()}`: a spot light that projects a texture is not handled")
     matrix = _matrix(graph, emitter)
     if np.linalg.det(matrix[:3, :3]) == 0:
         raise SceneError(f"emitter `{emitter.id()}`: to_world is singular; it must be invertible")

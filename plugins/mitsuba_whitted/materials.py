@@ -13,20 +13,22 @@ from mitsuba_whitted.scene_graph import SceneGraph, number
 from mitsuba_whitted.tables import column, fetch, index_column
 
 TEXTURES = ("BitmapTexture", "Checkerboard")
-"""Textures that depend on (u, v) alone; any constant texture is allowed besides."""
+"""Beginnings of the class names of textures that depend on (u, v) alone; constant ones are allowed besides."""
+
+Scaled = tuple[mi.Texture, float]
+"""A texture, and the number that its values are multiplied by."""
 
 
 class Material(NamedTuple):
-    """Coefficients of one BSDF: each a number, or a texture and the number that scales it; None stands for 0."""
+    """Coefficients of one BSDF; None stands for 0."""
 
-    k_d: tuple[Any, float] | None = None
-    k_s: tuple[Any, float] | None = None
-    k_m: tuple[Any, float] | None = None
-    k_a: tuple[Any, float] | None = None
-    exponent: tuple[Any, float] | None = None
-
-
-BLACK = Material()
+    owner: str
+    """Name of the BSDF in messages."""
+    k_d: Scaled | None = None
+    k_s: Scaled | None = None
+    k_m: Scaled | None = None
+    k_a: Scaled | None = None
+    exponent: Scaled | None = None
 
 
 def material_of(graph: SceneGraph, bsdf: mi.BSDF, shape: mi.Shape) -> tuple[Material, Material | None]:
@@ -41,20 +43,21 @@ def material_of(graph: SceneGraph, bsdf: mi.BSDF, shape: mi.Shape) -> tuple[Mate
     SceneError
         If the BSDF is none of blinnphong, diffuse, conductor without material, twosided.
     """
-    name = type(bsdf).__name__ if type(bsdf) is not mi.BSDF else bsdf.class_name()  # a plugin in Python, or in C++
+    name = bsdf.class_name() if type(bsdf) is mi.BSDF else type(bsdf).__name__  # a plugin in C++, or in Python
+    owner = f"bsdf `{bsdf.id()}` of shape `{shape.id()}`"
     if name == "TwoSidedBRDF":
         front, _ = material_of(graph, graph.child(bsdf, "brdf_0"), shape)
         behind = graph.child(bsdf, "brdf_1")
         return front, front if behind is None else material_of(graph, behind, shape)[0]
     if name == "BlinnPhong":
-        return Material(*((getattr(bsdf, parameter), 1.0) for parameter in _BLINN_PHONG)), None
+        return Material(owner, *((getattr(bsdf, parameter), 1.0) for parameter in _BLINN_PHONG)), None
     if name == "SmoothDiffuse":
         rho = graph.child(bsdf, "reflectance"), 1 / math.pi  # a diffuse BSDF is rho / pi
-        return Material(k_d=rho, k_a=rho), None
+        return Material(owner, k_d=rho, k_a=rho), None
     if name == "SmoothConductor" and _is_plain_mirror(graph, bsdf):
-        return Material(k_m=(graph.child(bsdf, "specular_reflectance"), 1.0)), None
+        return Material(owner, k_m=(graph.child(bsdf, "specular_reflectance"), 1.0)), None
     raise SceneError(
-        f"bsdf `{bsdf.id()}` of shape `{shape.id()}`: {name} is not handled; "
+        f"{owner}: {name} is not handled; "
         "allowed are blinnphong, diffuse, conductor with material `none`, and twosided of them"
     )
 
@@ -83,21 +86,39 @@ def constant(texture: mi.Texture) -> list[float] | None:
 
 
 class Coefficient:
-    """One coefficient of all materials: a table of numbers, and the textures that scale some of them."""
+    """One coefficient of all materials: a table of numbers, and the textures that scale some of them.
 
-    def __init__(self, kind: Any, entries: list[tuple[Any, float] | None], what: str, most: float) -> None:
+    Parameters
+    ----------
+    kind : type
+        Spectrum, or Float.
+    entries
+        One a material: its name in messages, and what it has for this coefficient.
+    what : str
+        Name of the coefficient in messages.
+    most : float
+        Largest value allowed of a constant; the values of a texture are clamped if this is a Float.
+
+    Raises
+    ------
+    SceneError
+        If a constant is out of range or not a number, or a texture depends on more than (u, v).
+    """
+
+    def __init__(self, kind: Any, entries: list[tuple[str, Scaled | None]], what: str, most: float) -> None:
         self._kind, self._most = kind, most
         width = 1 if kind is mi.Float else dr.size_v(kind)
         self.textures: list[mi.Texture] = []
         rows, numbers = [], []
-        for texture, scale in (entry or (None, 0.0) for entry in entries):
-            row, number = [scale] * width, 0
-            if texture is not None:
+        for owner, scaled in entries:
+            row, number = [0.0] * width, 0
+            if scaled is not None:
+                texture, scale = scaled
                 colour = constant(texture)
                 if colour is None:
-                    number = self._number(texture, what)
+                    row, number = [scale] * width, self._number_of(texture, owner, what)
                 else:
-                    _refuse_out_of_range(texture, colour, what, most)
+                    _refuse_out_of_range(owner, colour, what, most)
                     row = [scale * channel for channel in (colour * width)[:width]]
             rows.append(row)
             numbers.append([number])
@@ -112,17 +133,16 @@ class Coefficient:
             number = fetch(mi.UInt32, self._numbers, material, active)
             for i, texture in enumerate(self.textures):
                 here = active & (number == i + 1)
+                factor = texture.eval(si, here)
                 if self._kind is mi.Float:
-                    factor = dr.clip(texture.eval_1(si, here), 0, self._most)
-                else:
-                    factor = texture.eval(si, here)
+                    factor = dr.clip(factor[0], 0, self._most)  # not eval_1(): a checkerboard swaps its colours there
                 value = dr.select(here, value * factor, value)
         return value
 
-    def _number(self, texture: mi.Texture, what: str) -> int:
-        if texture.class_name() not in TEXTURES:
+    def _number_of(self, texture: mi.Texture, owner: str, what: str) -> int:
+        if not texture.class_name().startswith(TEXTURES):
             raise SceneError(
-                f"texture `{texture.id()}`: {texture.class_name()} is not handled as {what}; "
+                f"{owner}: a texture of class {texture.class_name()} is not handled as {what}; "
                 "allowed are checkerboard, bitmap and constant colours"
             )
         if texture not in self.textures:
@@ -130,10 +150,10 @@ class Coefficient:
         return self.textures.index(texture) + 1
 
 
-def _refuse_out_of_range(texture: mi.Texture, colour: list[float], what: str, most: float) -> None:
+def _refuse_out_of_range(owner: str, colour: list[float], what: str, most: float) -> None:
     for value in colour:
         if not 0 <= value <= most:  # a NaN is in no range
-            raise SceneError(f"{what} `{texture.id()}`: {value:g} is out of range; allowed is 0 to {most:g}")
+            raise SceneError(f"{owner}: {what} is {value:g}, allowed is from 0 to {most:g}")
 
 
 class Materials:
@@ -141,7 +161,7 @@ class Materials:
 
     def __init__(self, graph: SceneGraph) -> None:
         rows: dict[mi.BSDF, tuple[int, int]] = {}
-        materials = [BLACK]  # row 0: what is seen of a one-sided surface from behind
+        materials = [Material("the back of a one-sided surface")]  # row 0: black
         wearing = []
         for shape in graph.all_shapes:
             bsdf = shape.bsdf()
@@ -153,12 +173,14 @@ class Materials:
         self.two_sided = any(behind for _, behind in wearing)
         self._rows_of_shape = index_column(wearing)
 
-        colour = mi.Spectrum
-        self.k_d = Coefficient(colour, [m.k_d for m in materials], "diffuse reflectance", 1)
-        self.k_s = Coefficient(colour, [m.k_s for m in materials], "specular reflectance", 1)
-        self.k_m = Coefficient(colour, [m.k_m for m in materials], "mirror reflectance", 1)
-        self.k_a = Coefficient(colour, [m.k_a for m in materials], "ambient reflectance", 1)
-        self.exponent = Coefficient(mi.Float, [m.exponent for m in materials], "exponent", 1e7)
+        def coefficient(kind: Any, letter: str, what: str, most: float) -> Coefficient:
+            return Coefficient(kind, [(m.owner, getattr(m, letter)) for m in materials], what, most)
+
+        self.k_d = coefficient(mi.Spectrum, "k_d", "diffuse reflectance", 1)
+        self.k_s = coefficient(mi.Spectrum, "k_s", "specular reflectance", 1)
+        self.k_m = coefficient(mi.Spectrum, "k_m", "mirror reflectance", 1)
+        self.k_a = coefficient(mi.Spectrum, "k_a", "ambient reflectance", 1)
+        self.exponent = coefficient(mi.Float, "exponent", "exponent", 1e7)
 
     def row_of(self, shape: Any, from_behind: Any, active: Any) -> Any:
         """Row of the material that shape row `shape` shows on this side."""

@@ -134,8 +134,13 @@ class _Part:
         return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)  # zero area: never hit
 
     def _flatten(self) -> None:
-        """Put all of a polygon on its one plane, that of its first vertex and normal: see `polygon.py`."""
-        a, n = self.positions[0].astype(np.float64), self.normals[0].astype(np.float64)
+        """Put all of a polygon on its one plane: through its first vertex, with the normal of every corner.
+
+        Mitsuba computes the normals anew when vertices are edited, but not that of the first, which has no face.
+        """
+        if not len(self.faces):
+            return
+        a, n = self.positions[0].astype(np.float64), self.normals[self.faces[0, 0]].astype(np.float64)
         n /= np.linalg.norm(n)
         off = (self.positions - a) @ n
         self.positions = (self.positions - off[:, None] * n).astype(np.float32)

@@ -69,11 +69,11 @@ class SceneGraph:
         return self.nodes[owner].children.get(name)
 
     def geometry_stamp(self) -> Stamp:
-        """Identify the present values of all shapes' own parameters: two equal stamps, no edit between."""
+        """Note the present values of all shapes' own parameters."""
         return Stamp(self._shape_values)
 
     def appearance_stamp(self) -> Stamp:
-        """The same for materials, textures and emitters."""
+        """Note the present values of all materials, textures and emitters."""
         return Stamp(self._other_values)
 
     def _walk(self, owner: mi.Object) -> None:
@@ -94,23 +94,28 @@ class SceneGraph:
 
 
 class Stamp:
-    """The identities of a set of values.
+    """The values of a set of parameters at one time, as identities.
 
-    Dr.Jit gives every new array a new index, and reuses the index of an array that nobody holds; so the stamp
-    holds the arrays, and equal indices then mean that nothing was replaced. Plain numbers are compared as such.
+    Dr.Jit gives every new array an index, and gives the index of an array that nobody holds to the next one. So
+    the stamp holds the arrays themselves (a copy shares the index): equal indices then mean the same arrays.
     """
 
     def __init__(self, places: list[tuple[Any, Any, mi.Object]]) -> None:
-        self._held = [read(where, kind, owner) for where, kind, owner in places]
-        self._indices = dr.detail.collect_indices(self._held)
-        self._numbers = [value for value in self._held if isinstance(value, (bool, int, float))]
+        self._places = places
+        self._held = dr.copy(self._read())
+        self._indices, self._numbers = _identities(self._held)
 
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Stamp) or not dr.is_jit_v(mi.Float):
-            return False  # without Dr.Jit there are no indices to compare: everything counts as edited
-        return self._indices == other._indices and self._numbers == other._numbers
+    def is_current(self) -> bool:
+        """Whether no value was replaced since. Without Dr.Jit nobody can tell, and the answer is no."""
+        return bool(dr.is_jit_v(mi.Float)) and _identities(self._read()) == (self._indices, self._numbers)
 
-    __hash__ = None  # type: ignore[assignment]  # mutable things are compared, never looked up
+    def _read(self) -> list[Any]:
+        return [read(where, kind, owner) for where, kind, owner in self._places]
+
+
+def _identities(values: list[Any]) -> tuple[list[int], list[Any]]:
+    numbers = [value for value in values if isinstance(value, (bool, int, float))]
+    return dr.detail.collect_indices(values), numbers
 
 
 class Recorder:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_whitted.lights import lights_nothing, lights_of
-from mitsuba_whitted.materials import Coefficient, Materials
+from mitsuba_whitted.materials import Coefficient, Materials, Scaled
 from mitsuba_whitted.scene_graph import SceneGraph
 from mitsuba_whitted.surfaces import Surfaces
 from mitsuba_whitted.tables import opaque
@@ -60,9 +61,9 @@ class Stage:
         """Take over every edit since the last picture."""
         if settings != self.settings:
             self._take(settings)
-        if self._graph.geometry_stamp() != self._geometry_stamp:
+        if not self._geometry_stamp.is_current():
             self._build_surfaces()
-        if self._graph.appearance_stamp() != self._appearance_stamp:
+        if not self._appearance_stamp.is_current():
             self._build_appearance()
 
     def background(self, d: Any, active: Any) -> Any:
@@ -90,10 +91,13 @@ class Stage:
         self.materials = Materials(graph)
         self.lights = lights_of(graph)
         self.environment = graph.environment
-        lamps = [shape.emitter() for shape in graph.all_shapes]
-        radiance = [
-            (graph.child(lamp, "radiance"), 1.0) if lamp and lamp.class_name() == "AreaLight" else None
-            for lamp in lamps
-        ]
-        self.emission = Coefficient(mi.Spectrum, radiance, "radiance", float("inf"))
+        self.emission = Coefficient(mi.Spectrum, [_radiance(graph, s) for s in graph.all_shapes], "radiance", math.inf)
         self.lights_nothing = lights_nothing(graph)
+
+
+def _radiance(graph: SceneGraph, shape: mi.Shape) -> tuple[str, Scaled | None]:
+    """What a shape emits, from the front, without regard to direction."""
+    lamp = shape.emitter()
+    if lamp is None or lamp.class_name() != "AreaLight":
+        return "", None
+    return f"emitter of shape `{shape.id()}`", (graph.child(lamp, "radiance"), 1.0)

@@ -13,6 +13,7 @@ from mitsuba_whitted.lights import Sample
 from mitsuba_whitted.materials import Coefficient
 from mitsuba_whitted.plan import Plan
 from mitsuba_whitted.stage import Stage
+from mitsuba_whitted.surfaces import Hit
 
 
 class Traced(NamedTuple):
