@@ -33,9 +33,7 @@ def imports(source: str) -> Iterator[str]:
             yield node.module.split(".")[0]
         elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(("import_module", "__import__")):
             yield from (
-                str(argument.value).split(".")[0]
-                for argument in node.args
-                if isinstance(argument, ast.Constant)
+                str(argument.value).split(".")[0] for argument in node.args if isinstance(argument, ast.Constant)
             )
 
 
@@ -95,9 +93,7 @@ OURS_AND_THEIRS = {
 
 
 def test_the_reference_runs_on_the_standard_library_alone() -> None:
-    names = [
-        module.removesuffix(".py").split("/", 1)[1] for module in modules("validation/whitted_reference")
-    ]
+    names = [module.removesuffix(".py").split("/", 1)[1] for module in modules("validation/whitted_reference")]
     imports_all = "\n".join(f"import {name.removesuffix('/__init__').replace('/', '.')}" for name in names)
     assert not loaded(imports_all) & OURS_AND_THEIRS
 

@@ -97,9 +97,7 @@ def test_the_installed_wheel_runs_from_another_folder(installed: Path, tmp_path:
 
 def test_the_installed_scenes_are_those_of_the_checkout(installed: Path, tmp_path: Path) -> None:
     run(installed / "bin" / "whitted", "scenes", "--copy", "mine", cwd=tmp_path, path=installed)
-    copied = {
-        f"scenes/{path.relative_to(tmp_path / 'mine').as_posix()}": path for path in tmp_path.rglob("*.*")
-    }
+    copied = {f"scenes/{path.relative_to(tmp_path / 'mine').as_posix()}": path for path in tmp_path.rglob("*.*")}
     for name in SCENE_FILES:
         assert copied[name].read_bytes() == (ROOT / name).read_bytes()
 
@@ -107,6 +105,4 @@ def test_the_installed_scenes_are_those_of_the_checkout(installed: Path, tmp_pat
 def test_the_package_under_test_runs_from_another_folder(tmp_path: Path) -> None:
     code = "from whitted_validation.cli import main\nmain()"
     listed = run(sys.executable, "-c", code, "scenes", cwd=tmp_path)
-    assert {line.split()[0] for line in listed.splitlines()} == {
-        path.stem for path in ROOT.glob("scenes/*.xml")
-    }
+    assert {line.split()[0] for line in listed.splitlines()} == {path.stem for path in ROOT.glob("scenes/*.xml")}

@@ -116,10 +116,7 @@ CASES = {
     "bad encoding": Case(("scene.xml:1", "broken XML"), text=b"<scene version='3.0.0'>\xff\xfe</scene>"),
     "ten thousand levels": Case(
         ("scene.xml:1", "<shape", "nested deeper than 64"),
-        text='<scene version="3.0.0">'
-        + '<shape type="shapegroup">' * 10_000
-        + "</shape>" * 10_000
-        + "</scene>",
+        text='<scene version="3.0.0">' + '<shape type="shapegroup">' * 10_000 + "</shape>" * 10_000 + "</scene>",
     ),
     "entity bomb": Case(
         ("scene.xml:1", "<!DOCTYPE>", "not allowed"),
@@ -217,9 +214,7 @@ CASES = {
         edit=more('<shape type="polygon" id="wrong"><string name="vertices" value="0,0,0 1,0,0"/></shape>'),
     ),
     # not finite
-    "NaN radius": Case(
-        ("scene.xml:14", 'name="radius"', "nan", "finite"), edit=(RADIUS, 'name="radius" value="nan"')
-    ),
+    "NaN radius": Case(("scene.xml:14", 'name="radius"', "nan", "finite"), edit=(RADIUS, 'name="radius" value="nan"')),
     "infinite colour": Case(
         ("scene.xml:16", "inf", "finite"), edit=(DIFFUSE, 'name="diffuse_reflectance" value="inf"')
     ),
@@ -312,17 +307,13 @@ CASES = {
     "output below a file": Case(
         ("scene.xml/picture.exr", "Not a directory"), arguments=["-o", "scene.xml/picture.exr"]
     ),
-    "output is a folder": Case(
-        ("is a folder",), arguments=["-o", "folder.exr"], files={"folder.exr/inside": b""}
-    ),
+    "output is a folder": Case(("is a folder",), arguments=["-o", "folder.exr"], files={"folder.exr/inside": b""}),
     "unknown picture format": Case(("picture.gif", ".exr, .png, .npy"), arguments=["-o", "picture.gif"]),
     "exposure of an exr": Case(("--exposure", ".png"), arguments=["--exposure", "1"]),
     "exposure that is no number": Case(
         ("--exposure nan", "-126..126"), arguments=["-o", "picture.png", "--exposure", "nan"]
     ),
-    "unknown variant": Case(
-        ("-m quick_rgb", "no such variant", "llvm_ad_rgb"), arguments=["-m", "quick_rgb"]
-    ),
+    "unknown variant": Case(("-m quick_rgb", "no such variant", "llvm_ad_rgb"), arguments=["-m", "quick_rgb"]),
     "spectral variant": Case(("-m scalar_spectral", "rgb and mono"), arguments=["-m", "scalar_spectral"]),
     "definition without value": Case(("-D", "nobody", "key=value"), arguments=["-D", "nobody"]),
     "unknown term": Case(("--only", "glossy", "ambient, diffuse, specular"), arguments=["--only", "glossy"]),

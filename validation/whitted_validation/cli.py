@@ -7,6 +7,7 @@ found wrong without them: `--help` and `scenes` answer at once, and so does a br
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import os
 import sys
@@ -14,17 +15,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from whitted_validation import picture_files, scene_check, scene_files
+from whitted_validation import picture_files, scene_files
 from whitted_validation.refusal import Refusal
+from whitted_validation.request import Request
 
-if TYPE_CHECKING:
-    from whitted_validation.load import Loaded
-
-MAX_EXPOSURE = 126  # stops: float32 spans no more, from its least normal number to 1
 TERMS = ("ambient", "diffuse", "specular")
 
 
@@ -41,7 +39,7 @@ def _defines(_ctx: click.Context, _param: click.Parameter, values: tuple[str, ..
     defines = {}
     for value in values:
         key, equals, text = value.partition("=")
-        if not (key.isidentifier() and equals):
+        if not (key and equals):
             raise click.BadParameter(f"{value}; it must read key=value")
         defines[key] = text
     return defines
@@ -55,38 +53,39 @@ def _folders(_ctx: click.Context, _param: click.Parameter, values: tuple[str, ..
     return folders
 
 
-def scene_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the argument SCENE and the options of the `mitsuba` program that say how to read it."""
-    for add in reversed(
-        [
-            click.argument("scene"),
-            click.option(
-                "-m", "--mode", "variant", metavar="VARIANT", help="Mitsuba variant, such as llvm_ad_rgb."
-            ),
-            click.option(
-                "-D",
-                "--define",
-                "defines",
-                multiple=True,
-                callback=_defines,
-                metavar="KEY=VALUE",
-                help="Set $key in the scene.",
-            ),
-            click.option(
-                "-a",
-                "--append",
-                "folders",
-                multiple=True,
-                callback=_folders,
-                metavar="DIR[;DIR]",
-                help="Let the scene use files in this folder too.",
-            ),
-            click.option("-t", "--threads", type=click.IntRange(min=1), help="Number of threads."),
-            click.option("-v", "--verbose", count=True, help="Say more; give it again for still more."),
-        ]
-    ):
-        command = add(command)
-    return command
+def about_scene(command: Callable[..., None]) -> Callable[..., None]:
+    """Add the argument SCENE and the options of the `mitsuba` program that say how to read it.
+
+    The command receives all of them as one `Request`.
+    """
+
+    @click.argument("scene")
+    @click.option("-m", "--mode", "variant", metavar="VARIANT", help="Mitsuba variant, such as llvm_ad_rgb.")
+    @click.option("-D", "--define", "defines", multiple=True, callback=_defines, metavar="KEY=VALUE", help="Set $KEY.")
+    @click.option(
+        "-a",
+        "--append",
+        "folders",
+        multiple=True,
+        callback=_folders,
+        metavar="DIR[;DIR]",
+        help="Let the scene use files in this folder too.",
+    )
+    @click.option("-t", "--threads", type=click.IntRange(min=1), help="Number of threads.")
+    @click.option("-v", "--verbose", "verbosity", count=True, help="Say more; give it again for still more.")
+    @functools.wraps(command)
+    def gathered(
+        scene: str,
+        variant: str | None,
+        defines: dict[str, str],
+        folders: list[Path],
+        threads: int | None,
+        verbosity: int,
+        **others: Any,
+    ) -> None:
+        command(Request(scene, variant, defines, folders, threads, verbosity), **others)
+
+    return gathered
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -99,7 +98,7 @@ def whitted() -> None:
 
 
 @whitted.command()
-@scene_options
+@about_scene
 @click.option(
     "-o",
     "--output",
@@ -117,17 +116,10 @@ def whitted() -> None:
 @click.option("--only", callback=_terms, metavar="TERMS", help="Keep only these of ambient,diffuse,specular.")
 @click.option("--no-shadows", is_flag=True, help="Let every light reach every surface.")
 @click.option("--no-mirrors", is_flag=True, help="Follow no mirror rays.")
-@click.option(
-    "--reference", is_flag=True, help="Draw with the plain-Python reference tracer, without Mitsuba."
-)
+@click.option("--reference", is_flag=True, help="Draw with the plain-Python reference tracer, without Mitsuba.")
 @click.option("--stats", is_flag=True, help="Print how many rays were traced and how long it took.")
 def render(
-    scene: str,
-    variant: str | None,
-    defines: dict[str, str],
-    folders: list[Path],
-    threads: int | None,
-    verbose: int,
+    request: Request,
     output: str | None,
     sensor: int,
     grid: int | None,
@@ -140,23 +132,19 @@ def render(
 ) -> None:
     """Draw SCENE and write the picture."""
     start = time.perf_counter()
-    picture_file = Path(output) if output else Path(scene).with_suffix(".exr")
-    if exposure is not None and picture_file.suffix.lower() != ".png":
-        raise Refusal(f"--exposure is for .png; {picture_file} holds the picture as it was computed")
-    if exposure is not None and not abs(exposure) <= MAX_EXPOSURE:
-        raise Refusal(f"--exposure {exposure:g}: allowed are -{MAX_EXPOSURE}..{MAX_EXPOSURE} stops")
-    if reference and (variant or threads or verbose or stats):
+    if reference and (request.variant or request.threads or request.verbosity or stats):
         raise Refusal("--reference draws without Mitsuba and takes none of -m, -t, -v and --stats")
+    scene_file = request.seen.file  # what is wrong with the scene comes before what is wrong with the output
+    picture_file = Path(output or Path(request.scene).with_suffix(".exr"))
+    picture_files.check_writable(picture_file, exposure)
     off = {term for term in TERMS if only is not None and term not in only}
     off |= {"shadows"} if no_shadows else set()
     off |= {"mirrors"} if no_mirrors else set()
     switches = {f"enable_{part}": False for part in off}
-    seen = scene_check.check(scene_files.find(scene), folders, defines)
-    picture_files.check_writable(picture_file)
     if reference:
-        _render_reference(seen.file, folders, defines, sensor, grid, switches, picture_file, exposure or 0.0)
+        _render_reference(scene_file, request, sensor, grid, switches, picture_file, exposure or 0.0)
         return
-    loaded = _load(seen, variant, defines, folders, threads, verbose, sensor)
+    loaded = request.load(sensor)
 
     from whitted_validation import render as drawing
 
@@ -171,18 +159,10 @@ def render(
 
 
 @whitted.command()
-@scene_options
-def plan(
-    scene: str,
-    variant: str | None,
-    defines: dict[str, str],
-    folders: list[Path],
-    threads: int | None,
-    verbose: int,
-) -> None:
+@about_scene
+def plan(request: Request) -> None:
     """Print what SCENE needs, and so what the kernel holds and leaves out."""
-    seen = scene_check.check(scene_files.find(scene), folders, defines)
-    loaded = _load(seen, variant, defines, folders, threads, verbose)
+    loaded = request.load()
     click.echo(str(loaded.integrator.plan(loaded.scene)))
 
 
@@ -210,9 +190,8 @@ def doctor() -> None:
 
 
 def _render_reference(
-    file: Path,
-    folders: list[Path],
-    defines: dict[str, str],
+    scene_file: Path,
+    request: Request,
     sensor: int,
     grid: int | None,
     switches: dict[str, Any],
@@ -223,7 +202,7 @@ def _render_reference(
     import whitted_reference as tracer
 
     try:
-        scene = tracer.load(file, defines, folders)
+        scene = tracer.load(scene_file, request.defines, request.folders)
         scene = dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, **switches))
         if grid is None and sensor in range(len(scene.sensors)):
             grid = math.isqrt(scene.sensors[sensor].sample_count - 1) + 1
@@ -234,39 +213,6 @@ def _render_reference(
     for remark in scene.messages:
         click.echo(f"whitted: {remark}", err=True)
     tracer.save(picture, picture_file, exposure)
-
-
-def _load(
-    seen: scene_check.Scene,
-    variant: str | None,
-    defines: dict[str, str],
-    folders: list[Path],
-    threads: int | None,
-    verbose: int,
-    sensor: int = 0,
-) -> Loaded:
-    """Load the scene; nothing is said until all is known to be well."""
-    from whitted_validation import variants
-
-    chosen, why = variants.choose(variant)
-
-    import drjit as dr
-    import mitsuba as mi
-
-    mi.set_variant(chosen)
-    if threads is not None:
-        dr.set_thread_count(threads)
-
-    from whitted_validation.load import load
-    from whitted_validation.messages import Messages
-
-    messages = Messages(verbose)
-    loaded = load(seen, folders, defines, sensor)
-    for line in (None if variant else why, loaded.remark):
-        if line:
-            click.echo(f"whitted: {line}", err=True)
-    messages.show()
-    return loaded
 
 
 @contextmanager

@@ -15,18 +15,24 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FORMATS = (".exr", ".png", ".npy")
+MAX_EXPOSURE = 126  # stops: float32 spans no more, from its least normal number to 1
 
 
-def check_writable(path: Path) -> None:
+def check_writable(path: Path, exposure: float | None = None) -> None:
     """See, before any work is done, that a picture can be written here.
 
     Raises
     ------
     Refusal
-        If the ending is unknown, or the folder is missing or closed.
+        If the ending is unknown, the folder is missing or closed, or an exposure is given that is out of
+        range or not for this kind of picture.
     """
     if path.suffix.lower() not in FORMATS:
         raise Refusal(f"{path}: a picture ends in {', '.join(FORMATS)}")
+    if exposure is not None and path.suffix.lower() != ".png":
+        raise Refusal(f"--exposure is for .png; {path} holds the picture as it was computed")
+    if exposure is not None and not abs(exposure) <= MAX_EXPOSURE:
+        raise Refusal(f"--exposure {exposure:g}: allowed are -{MAX_EXPOSURE}..{MAX_EXPOSURE} stops")
     if path.is_dir():
         raise Refusal(f"{path}: is a folder")
     with _beside(path) as draft:

@@ -17,9 +17,7 @@ def switch(loaded: Loaded, switches: Mapping[str, bool]) -> None:
     loaded.integrator.settings = dataclasses.replace(loaded.integrator.settings, **switches)
 
 
-def render(
-    loaded: Loaded, grid: int | None, progress: Callable[[int, int], None] | None = None
-) -> NDArray[np.float32]:
+def render(loaded: Loaded, grid: int | None, progress: Callable[[int, int], None] | None = None) -> NDArray[np.float32]:
     """Draw the crop window of the sensor that was asked for.
 
     Parameters

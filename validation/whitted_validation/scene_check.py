@@ -65,9 +65,7 @@ class Element:
 
     def __str__(self) -> str:
         """Show the element as it can be searched for: tag, type, name and id."""
-        names = [
-            f' {key}="{self.attributes[key]}"' for key in ("type", "name", "id") if key in self.attributes
-        ]
+        names = [f' {key}="{self.attributes[key]}"' for key in ("type", "name", "id") if key in self.attributes]
         return f"<{self.tag}{''.join(names)}>"
 
     def refuse(self, complaint: str) -> NoReturn:
