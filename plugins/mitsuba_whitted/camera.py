@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_whitted.errors import SceneError
-from mitsuba_whitted.scene_graph import Node, Recorder, number, read
+from mitsuba_whitted.scene_graph import Node, number, read, recorder
 from mitsuba_whitted.tables import opaque
 
 SCALE_TOLERANCE = 1e-3
@@ -36,14 +36,14 @@ class Camera:
     Raises
     ------
     SceneError
-        If to_world of a camera scales by anything but 1, or is singular or not finite.
+        If to_world is singular or not finite, or that of a perspective camera scales by anything but 1.
     """
 
     def __init__(self, sensor: mi.Sensor) -> None:
         self._sensor = sensor
         self._film = sensor.film()
         self._values = Node()
-        sensor.traverse(Recorder.for_node(self._values))
+        sensor.traverse(recorder(self._values))
         self.kind = sensor.class_name()
         self.known = self.kind in ("PerspectiveCamera", "OrthographicCamera")
         if self.known:
@@ -66,12 +66,13 @@ class Camera:
 
     def _affine_map(self) -> tuple[Any, ...]:
         """Constants of the direction, or of the origin, as an affine function of the position on the film."""
+        name = f"sensor `{self._sensor.id()}`"
         matrix = np.array(self._read("to_world").matrix, float).reshape(4, 4)
+        if not np.all(np.isfinite(matrix)) or np.linalg.det(matrix[:3, :3]) == 0:
+            raise SceneError(f"{name}: to_world is singular or not finite; it must be invertible")
         scales = np.linalg.norm(matrix[:3, :3], axis=0)
-        if self.kind == "PerspectiveCamera" and not np.all(np.abs(scales - 1) <= SCALE_TOLERANCE):  # or NaN
-            raise SceneError(
-                f"sensor `{self._sensor.id()}`: to_world scales by {scales.tolist()}; a camera's scale must be 1"
-            )
+        if self.kind == "PerspectiveCamera" and np.any(np.abs(scales - 1) > SCALE_TOLERANCE):
+            raise SceneError(f"{name}: to_world scales by {scales.tolist()}; allowed is a scale of 1")
         width, height = (int(size) for size in self._film.size())
         crop_x, crop_y = (int(offset) for offset in self._film.crop_offset())
         near, far = self._read("near_clip"), self._read("far_clip")

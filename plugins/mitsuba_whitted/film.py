@@ -11,6 +11,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from mitsuba_whitted.scene_graph import number
 from mitsuba_whitted.tables import opaque
 
 TILE = 4
@@ -75,7 +76,7 @@ def totals(film: mi.Film, n: int, count: Callable[[Any, Any, Any], tuple[Any, ..
         if dr.is_jit_v(mi.Float):
             found = count(*_sub_pixels(width, top, bottom, n), mi.Bool(True))
             dr.eval(found)
-            batches = [[int(np.sum(np.array(part), dtype=np.uint64)) for part in found]]
+            batches: list[Any] = [[np.sum(np.array(part), dtype=np.uint64) for part in found]]
         else:
             batches = [count(x, y, True) for x, y in _positions(width, top, bottom, n)]
         for batch in batches:
@@ -89,7 +90,7 @@ def _is_box(rfilter: mi.ReconstructionFilter) -> bool:
 
 
 def _tiles(width: int, top: int, bottom: int) -> tuple[Any, Any, Any, Any]:
-    """Number in the picture, x and y of a band's pixels, tile by tile, and whether they are inside it.
+    """Number a band's pixels, tile by tile: place in the picture, x, y, and whether it is inside the band.
 
     The size of the band is data, so that no other size needs another kernel.
     """
@@ -161,8 +162,10 @@ def _filtered(samples: NDArray[np.float32], rfilter: mi.ReconstructionFilter) ->
     rows = np.einsum("cyxij,ti->ctyxj", samples, weights)
     rows = _gathered(rows, 2, reach)
     columns = _gathered(np.einsum("cyxj,tj->ctyx", rows, weights), 3, reach)
-    ones = [_gathered(np.repeat(weights.sum(axis=1)[None, :, None], size, 2), 2, reach)[0] for size in samples.shape[1:3]]
-    return (columns / (ones[0][:, None] * ones[1])).astype(np.float32)
+    along = weights.sum(axis=1)[None, :, None]
+    total_y, total_x = (_gathered(np.repeat(along, size, 2), 2, reach)[0] for size in samples.shape[1:3])
+    filtered: NDArray[np.float32] = (columns / (total_y[:, None] * total_x)).astype(np.float32)
+    return filtered
 
 
 def _gathered(parts: NDArray[np.float64], axis: int, reach: int) -> NDArray[np.float64]:
@@ -180,8 +183,7 @@ def _gathered(parts: NDArray[np.float64], axis: int, reach: int) -> NDArray[np.f
 
 
 def _weight(rfilter: mi.ReconstructionFilter, x: float) -> float:
-    value = rfilter.eval(mi.Float(x))
-    return float(value[0]) if dr.is_jit_v(value) else float(value)
+    return number(rfilter.eval(mi.Float(x)))
 
 
 class _Canvas:
@@ -193,7 +195,7 @@ class _Canvas:
         self._alpha = bool(film.flags() & +mi.FilmFlags.Alpha)
         self._colours = dr.size_v(mi.Spectrum)
         self._widths = (self._colours + self._alpha, 4 + self._alpha)
-        self._buffers = tuple(
+        self._buffers: tuple[Any, ...] = tuple(
             dr.zeros(mi.Float, self._width * self._height * channels)
             if dr.is_jit_v(mi.Float)
             else np.zeros((self._width * self._height, channels), np.float32)

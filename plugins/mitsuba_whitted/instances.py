@@ -76,9 +76,9 @@ class _ByObject:
 
     def __init__(self, shapes: list[mi.Shape], first: int = 0) -> None:
         if not dr.is_jit_v(mi.Float):
-            self._rows = {shape: first + i for i, shape in enumerate(shapes)}
+            self._rows: Any = {shape: first + i for i, shape in enumerate(shapes)}
             return
-        registry = [int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0]) for shape in shapes]
+        registry: list[int] = [np.array(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape)))[0] for shape in shapes]
         rows = np.zeros(max(registry) + 1, np.uint32)
         rows[registry] = np.arange(first, first + len(shapes))
         self._rows = index_column([rows])

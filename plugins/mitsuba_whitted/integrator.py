@@ -22,7 +22,7 @@ TERMS = ("ambient", "diffuse", "specular", "shadows", "mirrors")
 def define() -> type[mi.SamplingIntegrator]:
     """Make the plugin class for the variant that is set, to be registered as ``whitted``."""
 
-    class Whitted(mi.SamplingIntegrator):  # type: ignore[misc]
+    class Whitted(mi.SamplingIntegrator):
         r"""
         .. _integrator-whitted:
 
@@ -96,7 +96,7 @@ def define() -> type[mi.SamplingIntegrator]:
                 'type': 'whitted',
                 'max_depth': 5,
                 'ambient': {'type': 'rgb', 'value': [0.1, 0.1, 0.15]}
-        """
+        """  # noqa: D400 (a page of Mitsuba's manual starts with its label)
 
         def __init__(self, props: mi.Properties) -> None:
             super().__init__(props)
@@ -104,7 +104,7 @@ def define() -> type[mi.SamplingIntegrator]:
             self._stage: Stage | None = None
             self._told: list[str] = []
 
-        def render(
+        def render(  # type: ignore[override]  # one signature where Mitsuba's stub has two
             self,
             scene: mi.Scene,
             sensor: mi.Sensor | int = 0,
@@ -149,7 +149,7 @@ def define() -> type[mi.SamplingIntegrator]:
                 traced = trace(stage, plan, camera.rays(x, y), active)
                 return traced.colour, traced.hit
 
-            with dr.suspend_grad():
+            with dr.suspend_grad():  # type: ignore[no-untyped-call]
                 picture = film.expose(sensor.film(), self._grid(sensor, spp), draw, progress)
             if evaluate:
                 sensor.film().schedule_storage()
@@ -204,7 +204,7 @@ def define() -> type[mi.SamplingIntegrator]:
 
         def _grid(self, sensor: mi.Sensor, spp: int) -> int:
             spp = spp or sensor.sampler().sample_count()
-            n = math.isqrt(spp - 1) + 1
+            n: int = math.isqrt(spp - 1) + 1
             if n * n != spp:
                 self._tell_once(f"{spp} samples a pixel are no square: {n} x {n} are taken")
             return n
@@ -212,12 +212,12 @@ def define() -> type[mi.SamplingIntegrator]:
         def _tell_once(self, message: str) -> None:
             if message not in self._told:
                 self._told.append(message)
-                mi.Log(mi.LogLevel.Info, message)
+                mi.Log(mi.LogLevel.Warn, message)  # type: ignore[operator]  # its stub takes it for an object
 
     return Whitted
 
 
-def _settings(props: mi.Properties) -> Settings:
+def _settings(props: Any) -> Settings:
     """Read and check the parameters of the integrator."""
     name = f"integrator `{props.id()}`"
     max_depth = int(props.get("max_depth", 10))

@@ -126,14 +126,14 @@ class Coefficient:
         self._rows = column(rows)
         self._numbers = index_column(numbers)
 
-    def at(self, material: Any, si: mi.SurfaceInteraction3f | None, active: Any) -> Any:
+    def at(self, material: Any, si: Any, active: Any) -> Any:
         """Value for the row `material` at the surface point `si`, which only textures look at."""
         value = fetch(self._kind, self._rows, material, active)
         if self.textures:
             number = fetch(mi.UInt32, self._numbers, material, active)
             for i, texture in enumerate(self.textures):
                 here = active & (number == i + 1)
-                factor = texture.eval(si, here)
+                factor: Any = texture.eval(si, here)
                 if self._kind is mi.Float:
                     factor = dr.clip(factor[0], 0, self._most)  # not eval_1(): a checkerboard swaps its colours there
                 value = dr.select(here, value * factor, value)

@@ -102,7 +102,7 @@ def _triangles(shape: mi.Shape) -> bool:
 class _Part:
     """One mesh on its way into the shared buffers."""
 
-    def __init__(self, graph: SceneGraph, mesh: mi.Mesh) -> None:
+    def __init__(self, graph: SceneGraph, mesh: Any) -> None:
         self.positions = _buffer(graph, mesh, "vertex_positions", np.float32, 3)
         self.normals = _buffer(graph, mesh, "vertex_normals", np.float32, 3)
         self.texcoords = _buffer(graph, mesh, "vertex_texcoords", np.float32, 2)
@@ -131,7 +131,8 @@ class _Part:
         v0, v1, v2 = np.moveaxis(self.positions.astype(np.float64)[self.faces], 1, 0)
         normals = np.cross(v1 - v0, v2 - v0)
         length = np.linalg.norm(normals, axis=1, keepdims=True)
-        return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)  # zero area: never hit
+        unit: NDArray[np.float64] = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+        return unit  # zero for a triangle of no area, which no ray hits
 
     def _flatten(self) -> None:
         """Put all of a polygon on its one plane: through its first vertex, with the normal of every corner.

@@ -2,46 +2,48 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
+from typing import Any
 
-import mitsuba as mi
+from mitsuba_whitted.stage import Stage
 
-from mitsuba_whitted.stage import Settings, Stage
+
+def _part(words: str, without: str) -> Any:
+    """Describe a part of the kernel, and why a scene may do without it."""
+    return field(metadata={"words": words, "without": without})
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The structure of a scene. Two scenes of one plan share one kernel, whatever their values."""
+    """The structure of a scene: scenes of one plan share one kernel, whatever their values. Printing it explains it."""
 
-    shapes: tuple[str, ...]
-    """Kinds of shapes that a hit must tell apart."""
-    smooth_normals: bool
-    instances: bool
-    textured: bool
-    """Whether any coefficient varies over a surface, so that texture coordinates are needed."""
-    two_sided: bool
-    emission: bool
-    background: bool
-    ambient: bool
-    diffuse: bool
-    specular: bool
-    lights: tuple[str, ...]
-    """Kinds of lights, each with its number while they stand in the kernel one by one."""
-    shadows: bool
-    inverse_square: bool
-    mirrors: bool
-    epsilon: bool
-    """Whether rays start the textbook's constant away, instead of where rounding demands."""
+    shapes: tuple[str, ...] = _part("exact hits on {}", "there is no shape")
+    smooth_normals: bool = _part("interpolated vertex normals", "no mesh has vertex normals")
+    instances: bool = _part("instances", "there is none")
+    textured: bool = _part("texture coordinates and textures", "every coefficient is constant on its surface")
+    two_sided: bool = _part("the back of surfaces", "no BSDF is two-sided")
+    emission: bool = _part("glowing surfaces", "no area emitter")
+    background: bool = _part("background", "no environment emitter")
+    ambient: bool = _part("ambient term", "no ambient light, or no surface reflects it")
+    diffuse: bool = _part("diffuse term", "no light, or no surface with k_d")
+    specular: bool = _part("highlight and its power", "no light, or no surface with k_s")
+    lights: tuple[str, ...] = _part("light from {}", "no light, or nothing that it could light")
+    shadows: bool = _part("shadow rays", "no light, or switched off")
+    inverse_square: bool = _part("falloff with the squared distance", "no point or spot light, or switched off")
+    mirrors: bool = _part("the loop over mirror bounces", "no surface with k_m, or switched off")
+    epsilon: bool = _part("the textbook's epsilon", "rays start where rounding demands")
 
     def __str__(self) -> str:
-        present, absent = [], []
-        for field in fields(self):
-            value, name = getattr(self, field.name), field.name.replace("_", " ")
-            if isinstance(value, tuple):
-                (present if value else absent).append(f"{name}: {', '.join(value)}" if value else name)
+        needed: list[str] = []
+        left_out: list[str] = []
+        for part in fields(self):
+            value = getattr(self, part.name)
+            words = part.metadata["words"].format(", ".join(value) if isinstance(value, tuple) else "")
+            if value:
+                needed.append(f"  {words}")
             else:
-                (present if value else absent).append(name)
-        return f"in the kernel: {'; '.join(present) or 'nothing'}\nleft out: {'; '.join(absent) or 'nothing'}"
+                left_out.append(f"  {words.replace('{}', '').strip()}: {part.metadata['without']}")
+        return "\n".join(["in the kernel:", *(needed or ["  nothing"]), "left out:", *(left_out or ["  nothing"])])
 
 
 def plan_of(stage: Stage) -> Plan:
@@ -49,8 +51,7 @@ def plan_of(stage: Stage) -> Plan:
     settings, surfaces, materials = stage.settings, stage.surfaces, stage.materials
     diffuse = settings.enable_diffuse and materials.k_d.present
     specular = settings.enable_specular and materials.k_s.present
-    lit = diffuse or specular
-    lights = tuple(lights.described() for lights in stage.lights) if lit else ()
+    lights = tuple(lights.described() for lights in stage.lights) if diffuse or specular else ()
     coefficients = [materials.k_d, materials.k_s, materials.k_m, materials.k_a, materials.exponent]
     return Plan(
         shapes=tuple(kind.name.lower() for kind in sorted(surfaces.kinds)),
@@ -65,22 +66,8 @@ def plan_of(stage: Stage) -> Plan:
         specular=bool(lights) and specular,
         lights=lights,
         shadows=bool(lights) and settings.enable_shadows,
-        inverse_square=settings.falloff == "inverse_square" and any("directional" not in kind for kind in lights),
+        inverse_square=settings.falloff == "inverse_square" and any(not kind.endswith("directional") for kind in lights),
         mirrors=settings.enable_mirrors and materials.k_m.present,
         epsilon=settings.epsilon is not None,
     )
 
-
-def plan(scene: mi.Scene, settings: Settings | None = None) -> Plan:
-    """Say what `scene` needs.
-
-    Parameters
-    ----------
-    scene : mi.Scene
-        Any scene that `whitted` can draw.
-    settings : Settings, optional
-        Those of the scene's own integrator if it is a `whitted`, else the defaults.
-    """
-    if settings is None:
-        settings = getattr(scene.integrator(), "settings", Settings())
-    return plan_of(Stage(scene, settings))

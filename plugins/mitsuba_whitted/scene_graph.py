@@ -64,7 +64,7 @@ class SceneGraph:
         """Read parameter `name` of `owner` as it is now."""
         return read(*self.nodes[owner].values[name], owner)
 
-    def child(self, owner: mi.Object, name: str) -> mi.Object | None:
+    def child(self, owner: mi.Object, name: str) -> Any:
         """Child `name` of `owner`, or None."""
         return self.nodes[owner].children.get(name)
 
@@ -80,7 +80,7 @@ class SceneGraph:
         if owner in self.nodes:
             return
         node = self.nodes[owner] = Node()
-        owner.traverse(Recorder.for_node(node))
+        owner.traverse(recorder(node))
         for child in node.children.values():
             self._walk(child)
 
@@ -118,37 +118,36 @@ def _identities(values: list[Any]) -> tuple[list[int], list[Any]]:
     return dr.detail.collect_indices(values), numbers
 
 
-class Recorder:
-    """Makes the callback that Mitsuba's ``traverse()`` fills; a class of Mitsuba, hence made when needed."""
+def recorder(node: Node) -> mi.TraversalCallback:
+    """Make the callback that fills `node` when an object's ``traverse()`` gets it."""
 
-    @staticmethod
-    def for_node(node: Node) -> mi.TraversalCallback:
-        class Recorder(mi.TraversalCallback):  # type: ignore[misc]
-            def put(self, name: str, value: Any, flags: int, cpptype: Any = None) -> None:
-                if isinstance(value, mi.Object):
-                    self.put_object(name, value, flags)
-                else:
-                    self.put_value(name, value, flags, cpptype)
+    class Recorder(mi.TraversalCallback):
+        def put(self, name: str, value: Any, flags: int, cpptype: Any = None) -> None:
+            if isinstance(value, mi.Object):
+                self.put_object(name, value, flags)
+            else:
+                self.put_value(name, value, flags, cpptype)
 
-            def put_value(self, name: str, value: Any, flags: int, cpptype: Any) -> None:
-                node.values[name] = (value, cpptype)
+        def put_value(self, name: str, value: Any, flags: int, cpptype: Any = None) -> None:
+            node.values[name] = (value, cpptype)
 
-            def put_object(self, name: str, value: mi.Object | None, flags: int) -> None:
-                if value is not None:
-                    while name in node.children:  # unnamed members of a group all come as `shape`
-                        name += "_"
-                    node.children[name] = value
+        def put_object(self, name: str, value: mi.Object | None, flags: int) -> None:
+            if value is not None:
+                while name in node.children:  # unnamed members of a group all come as `shape`
+                    name += "_"
+                node.children[name] = value
 
-        return Recorder()
+    return Recorder()
 
 
 def _children(owner: mi.Object) -> list[mi.Object]:
     node = Node()
-    owner.traverse(Recorder.for_node(node))
+    owner.traverse(recorder(node))
     return list(node.children.values())
 
 
 def read(where: Any, kind: Any, owner: mi.Object) -> Any:
+    """Read a parameter as it is now from an entry of ``Node.values`` and the object that it belongs to."""
     return where if kind is None else mi.get_property(where, kind, owner)
 
 

@@ -90,13 +90,13 @@ class Stage:
         self._appearance_stamp = graph.appearance_stamp()
         self.materials = Materials(graph)
         self.lights = lights_of(graph)
-        self.environment = graph.environment
+        self.environment: Any = graph.environment
         self.emission = Coefficient(mi.Spectrum, [_radiance(graph, s) for s in graph.all_shapes], "radiance", math.inf)
         self.lights_nothing = lights_nothing(graph)
 
 
 def _radiance(graph: SceneGraph, shape: mi.Shape) -> tuple[str, Scaled | None]:
-    """What a shape emits, from the front, without regard to direction."""
+    """Look up what a shape emits to its front, and its name in messages."""
     lamp = shape.emitter()
     if lamp is None or lamp.class_name() != "AreaLight":
         return "", None

@@ -223,10 +223,8 @@ def _row(graph: SceneGraph, shape: mi.Shape) -> _Row:
     to_local = np.linalg.inv(linear)
 
     radius = float(np.linalg.norm(linear[:, 0]))
-    if kind in PLANES:
-        normal = np.array(to_world.inverse_transpose, float).reshape(4, 4)[:3, 2]
-    else:
-        normal = linear[:, 2]
+    inverse_transpose = np.array(to_world.inverse_transpose, float).reshape(4, 4)
+    normal = inverse_transpose[:3, 2] if kind in PLANES else linear[:, 2]
     if kind == Kind.CYLINDER and determinant < 0:
         flipped = -flipped  # Mitsuba notes the mirror as a flip, to keep the normal outward
     return _Row(kind, origin, normal / np.linalg.norm(normal), radius, flipped, reach, to_local)

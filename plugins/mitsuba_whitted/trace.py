@@ -1,4 +1,4 @@
-"""Whitted's pipeline as one kernel: the textbook's ``raycolor``, its recursion turned into a loop over bounces."""
+"""Whitted's pipeline as one kernel: the textbook's ``raycolor``, its recursion turned into a loop."""
 
 from __future__ import annotations
 
@@ -72,14 +72,13 @@ def trace(stage: Stage, plan: Plan, rays: Rays, active: Any = True) -> Traced:
         active=mi.Bool(active),
     )
     if plan.mirrors:
-        state = _Ray(
-            *dr.while_loop(
-                tuple(state),
-                lambda *ray: ray[-1],
-                lambda *ray: tuple(_bounce(stage, plan, _Ray(*ray))),
-                label="mirror bounces",
-            )
+        final: tuple[Any, ...] = dr.while_loop(
+            tuple(state),
+            lambda *ray: ray[-1],
+            lambda *ray: tuple(_bounce(stage, plan, _Ray(*ray))),
+            label="mirror bounces",
         )
+        state = _Ray(*final)
     else:
         state = _bounce(stage, plan, state)
     return Traced(state.colour, state.hit, state.shadow_rays, state.mirror_rays)
