@@ -33,8 +33,9 @@ Progress = Callable[[int, int], None]
 def expose(film: mi.Film, n: int, draw: Draw, progress: Progress | None = None) -> mi.TensorXf:
     """Draw the crop window of `film` with n x n samples a pixel, and leave the picture in the film too.
 
-    With one sample a pixel, a box filter and nobody watching, nothing is evaluated here: tracing and storage
-    become one kernel, run when somebody looks at the picture. The bytes are the same in any number of bands.
+    With one sample a pixel, a box filter and nobody watching, tracing and storage are one kernel. It is started
+    here and not waited for: put off any longer, it might run when the scene is gone, whose shapes Embree asks.
+    The bytes are the same in any number of bands.
 
     Returns
     -------
@@ -59,8 +60,7 @@ def expose(film: mi.Film, n: int, draw: Draw, progress: Progress | None = None) 
             samples = _samples(width, above, below, n, draw)
             filtered = _filtered(np.array(samples).reshape(-1, below - above, width, n, n), film.rfilter())
             canvas.put_rows(top, filtered[:, top - above : bottom - above])
-        if rows < height:
-            canvas.evaluate()
+        canvas.start()
         if progress:
             progress(bottom, height)
     return canvas.finish()
@@ -90,7 +90,7 @@ def _is_box(rfilter: mi.ReconstructionFilter) -> bool:
 
 
 def _tiles(width: int, top: int, bottom: int) -> tuple[Any, Any, Any, Any]:
-    """Number a band's pixels, tile by tile: place in the picture, x, y, and whether it is inside the band.
+    """List a band's pixels tile by tile: number in the picture, x, y, and whether they are inside the band.
 
     The size of the band is data, so that no other size needs another kernel.
     """
@@ -223,8 +223,8 @@ class _Canvas:
         parts = [dr.gather(mi.Float, flat, lane + i * count) for i in range(self._colours + 1)]
         self.put(opaque(mi.UInt32(first)) + lane, parts, mi.Bool(True))
 
-    def evaluate(self) -> None:
-        """Run what has been put so far."""
+    def start(self) -> None:
+        """Start the kernels of what has been put so far."""
         dr.eval(self._buffers)
 
     def finish(self) -> mi.TensorXf:

@@ -127,7 +127,7 @@ def define() -> type[mi.SamplingIntegrator]:
             develop : bool
                 Whether to return the picture, or an empty tensor.
             evaluate : bool
-                Whether to wait for the picture, or to return it as work still to be done.
+                Whether to wait for the picture, or to return while it is still being drawn.
             progress
                 Called with the rows done and the rows in all, again and again.
 
@@ -152,8 +152,6 @@ def define() -> type[mi.SamplingIntegrator]:
             with dr.suspend_grad():  # type: ignore[no-untyped-call]
                 picture = film.expose(sensor.film(), self._grid(sensor, spp), draw, progress)
             if evaluate:
-                sensor.film().schedule_storage()
-                dr.eval(picture)
                 dr.sync_thread()
             return picture if develop else mi.TensorXf()
 

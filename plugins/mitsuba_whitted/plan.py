@@ -66,7 +66,7 @@ def plan_of(stage: Stage) -> Plan:
         specular=bool(lights) and specular,
         lights=lights,
         shadows=bool(lights) and settings.enable_shadows,
-        inverse_square=settings.falloff == "inverse_square" and any(not kind.endswith("directional") for kind in lights),
+        inverse_square=settings.falloff == "inverse_square" and any("directional" not in kind for kind in lights),
         mirrors=settings.enable_mirrors and materials.k_m.present,
         epsilon=settings.epsilon is not None,
     )

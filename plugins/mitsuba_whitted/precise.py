@@ -31,7 +31,7 @@ def two_difference(a: Any, b: Any) -> tuple[Any, Any]:
 
 
 def sphere_normal(o: Any, d: Any, c: Any, r: Any, t: Any) -> Any:
-    """Unit vector from the centre `c` to where the ray `o` + s `d` meets the sphere at s close to `t`.
+    """Find the unit vector from the centre `c` to where the ray `o` + s `d` meets the sphere, s close to `t`.
 
     The foot of the perpendicular from the centre replaces the textbook's quadratic, whose discriminant loses
     all digits once |o - c| / r exceeds 1 / sqrt(u) = 4096 (Haines, Günther, Akenine-Möller, *Ray Tracing
