@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_whitted.errors import SceneError
-from mitsuba_whitted.scene_graph import Node, number, read, recorder
+from mitsuba_whitted.scene_graph import Node, Stamp, number, read, recorder
 from mitsuba_whitted.tables import opaque
 
 SCALE_TOLERANCE = 1e-3
@@ -44,10 +44,16 @@ class Camera:
         self._film = sensor.film()
         self._values = Node()
         sensor.traverse(recorder(self._values))
+        self._stamp = Stamp([(where, kind, sensor) for where, kind in self._values.values.values()])
+        self._window = self._film_window()
         self.kind = sensor.class_name()
         self.known = self.kind in ("PerspectiveCamera", "OrthographicCamera")
         if self.known:
             self._constants = self._affine_map()
+
+    def follows(self, sensor: mi.Sensor) -> bool:
+        """Whether this camera still is what `sensor` says."""
+        return sensor is self._sensor and self._stamp.is_current() and self._window == self._film_window()
 
     def rays(self, x: Any, y: Any) -> Rays:
         """Make the rays through `x`, `y`: Float, pixels from the upper left corner of the crop window."""
@@ -73,8 +79,7 @@ class Camera:
         scales = np.linalg.norm(matrix[:3, :3], axis=0)
         if self.kind == "PerspectiveCamera" and np.any(np.abs(scales - 1) > SCALE_TOLERANCE):
             raise SceneError(f"{name}: to_world scales by {scales.tolist()}; allowed is a scale of 1")
-        width, height = (int(size) for size in self._film.size())
-        crop_x, crop_y = (int(offset) for offset in self._film.crop_offset())
+        width, height, crop_x, crop_y = self._window
         near, far = self._read("near_clip"), self._read("far_clip")
         eye = matrix[:3, 3]
         if self.kind == "PerspectiveCamera":
@@ -92,6 +97,10 @@ class Camera:
         forward = matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
         vectors = (centre, per_x, per_y, eye, forward, (middle_x, middle_y, near))
         return *(_opaque(mi.Vector3f, vector) for vector in vectors), _opaque(mi.Float, [far])
+
+    def _film_window(self) -> list[int]:
+        """Size of the film, and where its crop window begins."""
+        return [int(number) for number in (*self._film.size(), *self._film.crop_offset())]
 
     def _rays_of_mitsuba(self, x: Any, y: Any) -> Rays:
         size = self._film.crop_size()

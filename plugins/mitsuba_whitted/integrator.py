@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any
 
@@ -102,7 +103,7 @@ def define() -> type[mi.SamplingIntegrator]:
             super().__init__(props)
             self.settings = _settings(props)
             self._stage: Stage | None = None
-            self._told: list[str] = []
+            self._camera: Camera | None = None
 
         def render(  # type: ignore[override]  # one signature where Mitsuba's stub has two
             self,
@@ -143,7 +144,7 @@ def define() -> type[mi.SamplingIntegrator]:
             """
             sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
             stage, plan = self._prepare(scene)
-            camera = Camera(sensor)
+            camera = self._look_through(sensor)
 
             def draw(x: Any, y: Any, active: Any) -> tuple[Any, Any]:
                 traced = trace(stage, plan, camera.rays(x, y), active)
@@ -172,7 +173,7 @@ def define() -> type[mi.SamplingIntegrator]:
             """Count the rays of a picture by tracing it once more: `camera`, `mirror` and `shadow` rays."""
             sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
             stage, plan = self._prepare(scene)
-            camera = Camera(sensor)
+            camera = self._look_through(sensor)
 
             n = self._grid(sensor, spp)
 
@@ -197,22 +198,28 @@ def define() -> type[mi.SamplingIntegrator]:
             else:
                 self._stage = Stage(scene, self.settings)
             for name in self._stage.lights_nothing:
-                self._tell_once(f"{name} is drawn where it is seen, but lights no surface")
+                _tell_once(f"{name} is drawn where it is seen, but lights no surface")
             return self._stage, plan_of(self._stage)
+
+        def _look_through(self, sensor: mi.Sensor) -> Camera:
+            if self._camera is None or not self._camera.follows(sensor):
+                self._camera = Camera(sensor)
+            return self._camera
 
         def _grid(self, sensor: mi.Sensor, spp: int) -> int:
             spp = spp or sensor.sampler().sample_count()
             n: int = math.isqrt(spp - 1) + 1
             if n * n != spp:
-                self._tell_once(f"{spp} samples a pixel are no square: {n} x {n} are taken")
+                _tell_once(f"{spp} samples a pixel are no square: {n} x {n} are taken")
             return n
 
-        def _tell_once(self, message: str) -> None:
-            if message not in self._told:
-                self._told.append(message)
-                mi.Log(mi.LogLevel.Warn, message)  # type: ignore[operator]  # its stub takes it for an object
-
     return Whitted
+
+
+@functools.cache
+def _tell_once(message: str) -> None:
+    """Say what a user should know of a scene, but not before every picture of it."""
+    mi.Log(mi.LogLevel.Warn, message)  # type: ignore[operator]  # its stub takes it for an object
 
 
 def _settings(props: Any) -> Settings:

@@ -13,7 +13,10 @@ import pytest
 SCENES = Path(__file__).parents[2] / "scenes"
 SIZE = 48
 
-EDITED_SCENES = ["spot", "polygons", "smooth_mesh", "gold", "open_surfaces", "textured", "instances", "orthographic", "mesh", "triangles"]
+EDITED_SCENES = [
+    *("spot", "polygons", "smooth_mesh", "gold", "open_surfaces", "textured", "instances", "orthographic", "mesh"),
+    "triangles",
+]
 """Between them they have every class of object whose keys `mi.traverse` lists in any scene: see the last test."""
 
 

@@ -1,0 +1,149 @@
+"""Hits: where they are, with which normals and texture coordinates, and how exact."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from mitsuba_whitted.scene_graph import SceneGraph
+from mitsuba_whitted.surfaces import Hit, Surfaces
+
+U = 2.0**-24
+SHAPES: dict[str, dict[str, Any]] = {
+    "sphere": {"type": "sphere"},
+    "rectangle": {"type": "rectangle"},
+    "disk": {"type": "disk"},
+    "cylinder": {"type": "cylinder"},
+    "cube": {"type": "cube"},
+}
+
+
+def _hits(scene: mi.Scene, ray: mi.Ray3f) -> tuple[mi.PreliminaryIntersection3f, Hit]:
+    surfaces = Surfaces(SceneGraph(scene))
+    pi = surfaces.first_hit(ray, mi.Bool(True))
+    return pi, surfaces.hit(pi, ray, ray.o, with_uv=True)
+
+
+def _rays(count: int, distance: float, seed: int) -> mi.Ray3f:
+    """Rays from a sphere of radius `distance` to points of the unit ball about the origin."""
+    rng = np.random.default_rng(seed)
+    origin = rng.normal(size=(3, count))
+    origin *= distance / np.linalg.norm(origin, axis=0)
+    target = rng.uniform(-0.9, 0.9, size=(3, count))
+    d = target - origin
+    d /= np.linalg.norm(d, axis=0)
+    return mi.Ray3f(mi.Point3f(origin.astype(np.float32)), mi.Vector3f(d.astype(np.float32)))
+
+
+def _rotation() -> mi.ScalarTransform4f:
+    axis = np.array([1.0, 2.0, -1.0])
+    return mi.ScalarTransform4f().rotate(list(axis / np.linalg.norm(axis)), 40)
+
+
+@pytest.mark.parametrize("placed", ["plain", "turned", "mirrored", "instance", "mirrored instance"])
+@pytest.mark.parametrize("flip", [False, True])
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_hit_is_where_mitsuba_has_it(llvm_ad_rgb: str, name: str, flip: bool, placed: str) -> None:
+    # Both sides round: Mitsuba's point and ours are each off by at most 16 roundings of the distance (5 here,
+    # coordinates included) along the ray and, by the slope of the surface, 1/cos times that across; only hits with
+    # cos > 0.1 are compared. A normal or uv turns by at most the same over the smallest radius, 0.5.
+    bound = 2 * 16 * U * 5 / 0.1 / 0.5
+    to_world = _rotation() if placed != "plain" else mi.ScalarTransform4f()
+    if "mirrored" in placed:
+        to_world = to_world @ mi.ScalarTransform4f().scale([1, -1, 1])
+    to_world = to_world @ mi.ScalarTransform4f().scale(0.8)
+    shape = dict(SHAPES[name])
+    if flip:
+        shape["flip_normals"] = True
+    if "instance" in placed:
+        contents = {
+            "group": {"type": "shapegroup", "other": {"type": "rectangle", "to_world": _far_away()}, "member": shape},
+            "instance": {"type": "instance", "to_world": to_world, "group": {"type": "ref", "id": "group"}},
+        }
+    else:
+        contents = {"shape": {**shape, "to_world": to_world}, "other": {"type": "sphere", "to_world": _far_away()}}
+    scene = mi.load_dict({"type": "scene", **contents})
+    ray = _rays(4000, 4.0, seed=7)
+    pi, hit = _hits(scene, ray)
+    si = scene.ray_intersect(ray)
+    assert np.array_equal(np.array(pi.is_valid()), np.array(si.is_valid()))
+    safe = np.array(si.is_valid() & (dr.abs(dr.dot(si.n, ray.d)) > 0.1))
+    assert safe.sum() > 200
+
+    n_g = np.array(hit.n_g)[:, safe]
+    their_n_g = np.array(si.n)[:, safe]
+    n, their_n = np.array(hit.n)[:, safe], np.array(si.sh_frame.n)[:, safe]
+    their_n_g *= np.sign((their_n_g * their_n).sum(axis=0))  # the model turns it to the side of n
+    assert np.abs(np.array(hit.p)[:, safe] - np.array(si.p)[:, safe]).max() <= bound
+    assert np.abs(n_g - their_n_g).max() <= bound
+    assert np.abs(n - their_n).max() <= bound
+    uv_error = np.abs(np.array(hit.uv)[:, safe] - np.array(si.uv)[:, safe])
+    pole = np.minimum(np.linalg.norm(np.array(hit.uv)[:, safe], axis=0), 1)
+    wrapped = np.minimum(uv_error, np.abs(1 - uv_error))  # u = 0 and u = 1 are one line of a sphere
+    away_from_pole = (np.abs(their_n[2]) < 0.9) | (pole > 0.1)
+    assert np.quantile(wrapped[:, away_from_pole], 0.99) <= bound
+
+
+def _far_away() -> mi.ScalarTransform4f:
+    return mi.ScalarTransform4f().translate([50, 50, 50])
+
+
+@pytest.mark.parametrize("radii_away", [3, 100, 1e4])
+def test_the_normal_of_a_sphere_does_not_lose_digits_with_distance(llvm_ad_rgb: str, radii_away: float) -> None:
+    # The exact normal for the same float32 ray, in float64. Ours: the foot f of the perpendicular carries 3 roundings
+    # of |oc| times the sine of the error of d (u), removed by the second projection, and 4 of its own length <= r;
+    # half a chord 4 roundings, times |f| / chord <= 2 for the hits kept here; the normalisation 3. So 16 u in all.
+    scene = mi.load_dict({"type": "scene", "ball": {"type": "sphere"}})
+    rng = np.random.default_rng(3)
+    direction = rng.normal(size=(3, 4000))
+    origin = (direction / np.linalg.norm(direction, axis=0) * radii_away).astype(np.float32).astype(np.float64)
+    inside = rng.normal(size=(3, 4000))
+    d = inside / np.linalg.norm(inside, axis=0) * rng.uniform(0, 0.85, 4000) - origin
+    d = (d / np.linalg.norm(d, axis=0)).astype(np.float32).astype(np.float64)
+    pi, hit = _hits(scene, mi.Ray3f(mi.Point3f(origin), mi.Vector3f(d)))
+
+    unit = d / np.linalg.norm(d, axis=0)
+    foot = origin - (origin * unit).sum(axis=0) * unit
+    off = np.linalg.norm(foot, axis=0)
+    kept = np.array(pi.is_valid()) & (off < 0.89)
+    assert kept.sum() > 1000
+    exact = foot - np.sqrt(np.maximum(1 - off**2, 0)) * unit
+    assert np.abs(np.array(hit.n) - exact)[:, kept].max() <= 16 * U
+
+
+def test_a_point_on_a_plane_is_on_the_plane_however_far_the_ray_came(llvm_ad_rgb: str) -> None:
+    to_world = mi.ScalarTransform4f().translate([0.3, -0.2, 0.1]) @ _rotation() @ mi.ScalarTransform4f().scale(3)
+    scene = mi.load_dict({"type": "scene", "floor": {"type": "rectangle", "to_world": to_world}})
+    matrix = np.array(to_world.matrix, np.float32).astype(float)
+    normal = np.cross(matrix[:3, 0], matrix[:3, 1])
+    normal /= np.linalg.norm(normal)
+    for distance in (4.0, 1e3, 1e5):
+        ray = _rays(4000, distance, seed=5)
+        pi, hit = _hits(scene, ray)
+        p = np.array(hit.p, float)[:, np.array(pi.is_valid())]
+        assert p.shape[1] > 500
+        off = np.abs(normal @ (p - matrix[:3, 3, None]))
+        # The last projection: difference, product and sum of three coordinates below 5, rounded 4 times.
+        assert off.max() <= 4 * U * 3 * 5
+
+
+def test_faces_have_the_normal_of_their_exact_vertices(llvm_ad_rgb: str) -> None:
+    # A sliver of aspect ratio 1e-5: from float32 edges its normal would be off by u / 1e-5.
+    mesh = mi.Mesh("sliver", 3, 1)
+    vertices = np.array([[0, 0, 0], [1, 0.3, 0.2], [0.5, 0.15 + 1e-5, 0.1]], np.float32)
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = vertices.ravel()
+    parameters["faces"] = np.array([0, 1, 2], np.uint32)
+    parameters.update()
+    scene = mi.load_dict({"type": "scene", "mesh": mesh})
+    exact = np.cross(*(vertices[1:].astype(float) - vertices[0].astype(float)))
+    exact /= np.linalg.norm(exact)
+    centre = vertices.astype(float).mean(axis=0)
+    ray = mi.Ray3f(mi.Point3f((centre + 2 * exact)[:, None]), mi.Vector3f(-exact[:, None]))
+    pi, hit = _hits(scene, ray)
+    assert np.array(pi.is_valid()).all()
+    assert np.abs(np.array(hit.n).ravel() - exact).max() <= U  # one rounding to float32
