@@ -42,9 +42,7 @@ class Element:
         """Refuse attributes other than the allowed."""
         for name in self.attributes:
             if name not in allowed:
-                raise SceneError(
-                    f"{self.where}: attribute `{name}` is unknown; allowed: {', '.join(allowed)}"
-                )
+                raise SceneError(f"{self.where}: attribute `{name}` is unknown; allowed: {', '.join(allowed)}")
 
 
 class Files:
@@ -129,9 +127,7 @@ class Document:
             raise SceneError(f"{path.name}: parameter `{min(self.unused)}` is given but never used")
 
     def _resolve(self, element: Element, includes: int) -> None:
-        element.attributes = {
-            name: self._substitute(text, element) for name, text in element.attributes.items()
-        }
+        element.attributes = {name: self._substitute(text, element) for name, text in element.attributes.items()}
         tag = element.tag
         if tag in OBJECTS and "id" in element.attributes:
             self._name(element.attributes["id"], element)

@@ -56,23 +56,23 @@ def fma64(a: float, b: float, c: float) -> float:
     return float(Fraction(a) * Fraction(b) + Fraction(c))
 
 
-def normalize(v: Vec) -> Vec:
-    """Scale to unit length as Mitsuba does: times the rounded reciprocal of the rounded length."""
+def length(v: Vec) -> float:
+    """Return |v|: Mitsuba adds the squares of x and z first, then that of y (a packet's horizontal sum)."""
     x, y, z = v
-    squared = nearest(nearest(nearest(x * x) + nearest(y * y)) + nearest(z * z))
-    if squared == 0.0:
+    return nearest(math.sqrt(nearest(nearest(nearest(x * x) + nearest(z * z)) + nearest(y * y))))
+
+
+def divided(v: Vec, divisor: float) -> Vec:
+    """Return v / divisor as Mitsuba does: times the rounded reciprocal."""
+    if divisor == 0.0:
         return math.nan, math.nan, math.nan
-    scale = nearest(1.0 / nearest(math.sqrt(squared)))
-    return nearest(x * scale), nearest(y * scale), nearest(z * scale)
+    scale = nearest(1.0 / divisor)
+    return nearest(v[0] * scale), nearest(v[1] * scale), nearest(v[2] * scale)
 
 
-def cross(a: Vec, b: Vec) -> Vec:
-    """Cross product, each component a fused multiply-subtract over a rounded product."""
-    return (
-        fma(a[1], b[2], -nearest(a[2] * b[1])),
-        fma(a[2], b[0], -nearest(a[0] * b[2])),
-        fma(a[0], b[1], -nearest(a[1] * b[0])),
-    )
+def normalize(v: Vec) -> Vec:
+    """Scale to unit length; NaN for the zero vector."""
+    return divided(v, length(v))
 
 
 def frame(n: Vec) -> tuple[Vec, Vec]:

@@ -119,14 +119,11 @@ def render(
 Block = tuple[int, list[list[float]], dict[tuple[int, int], tuple[str, str]]]
 
 
-def _draw(
-    executor: Executor, packed: bytes, film: Film, grid: int, sensor: int, progress: Progress | None
-) -> Picture:
+def _draw(executor: Executor, packed: bytes, film: Film, grid: int, sensor: int, progress: Progress | None) -> Picture:
     height = film.crop_height
     step = max(1, height // 64)  # enough blocks for any number of workers to end together
     waiting = [
-        executor.submit(draw_rows, packed, sensor, grid, y, min(y + step, height))
-        for y in range(0, height, step)
+        executor.submit(draw_rows, packed, sensor, grid, y, min(y + step, height)) for y in range(0, height, step)
     ]
     picture = Picture(film.crop_width, height, [[] for _ in range(height)])
     done = 0

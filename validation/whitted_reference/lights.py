@@ -29,9 +29,7 @@ class Directional:
 class Point:
     """Light from one position; I = intensity / distance^2, or the intensity itself without falloff."""
 
-    def __init__(
-        self, light: scene.PointLight | scene.SpotLight, falloff: bool, arithmetic: Arithmetic
-    ) -> None:
+    def __init__(self, light: scene.PointLight | scene.SpotLight, falloff: bool, arithmetic: Arithmetic) -> None:
         self.id = light.id
         self._data = (*arithmetic.vec(light.position), *arithmetic.vec(light.intensity))
         self._falloff = falloff

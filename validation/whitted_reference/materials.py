@@ -41,15 +41,12 @@ class Material:
             sources = (BLACK, BLACK, BLACK, material.mirror)
         else:
             sources = (material.ambient, material.diffuse, material.specular, material.mirror)
-        exponent: scene.Texture = (
-            material.exponent if isinstance(material, scene.BlinnPhong) else (1.0, 1.0, 1.0)
-        )
+        exponent: scene.Texture = material.exponent if isinstance(material, scene.BlinnPhong) else (1.0, 1.0, 1.0)
         # A term that is switched off is black everywhere.
         lit = any(settings.ambient) and settings.enable_ambient
         switches = (lit, settings.enable_diffuse, settings.enable_specular, settings.enable_mirrors)
         self._sources = [
-            evaluator(source if on else BLACK, arithmetic)
-            for source, on in zip(sources, switches, strict=True)
+            evaluator(source if on else BLACK, arithmetic) for source, on in zip(sources, switches, strict=True)
         ]
         self._exponent = single_evaluator(exponent, arithmetic)
         varies = any(callable(source) for source in (*self._sources, self._exponent))

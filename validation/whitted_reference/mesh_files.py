@@ -260,9 +260,7 @@ def _obj(text: str) -> RawMesh:
     for place, have, what in ((1, texcoords, "vt"), (2, directions, "vn")):
         given = sum(corner[place] != 0 for corner in corners_used)
         if given not in (0, len(corners_used)) or (have and not given):
-            raise ValueError(
-                f"{what} is given for {given} of {len(corners_used)} corners; all or none is allowed"
-            )
+            raise ValueError(f"{what} is given for {given} of {len(corners_used)} corners; all or none is allowed")
     ids: dict[tuple[int, int, int], int] = {}
     mesh = RawMesh()
     for face in faces:

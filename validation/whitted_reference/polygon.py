@@ -34,9 +34,7 @@ class Polygon(Primitive):
         self.data = (*centre, *n, i, j)
         # Every side of every ring as (x, y) of its start and (x, y) of its end.
         self._rings = [
-            (a[i], a[j], b[i], b[j])
-            for ring in rings
-            for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)
+            (a[i], a[j], b[i], b[j]) for ring in rings for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)
         ]
         self._n = negated(n) if shape.flip else n
         slack = tolerance(shape.rings)

@@ -24,9 +24,7 @@ UNIT_AXIS = 3e-6
 def _numbers(text: str, where: str, counts: Sequence[int]) -> list[float]:
     tokens = [token for token in re.split(r"[,\s]+", text) if token]
     if len(tokens) not in counts:
-        raise SceneError(
-            f"{where}: `{text}` holds {len(tokens)} numbers; allowed: {' or '.join(map(str, counts))}"
-        )
+        raise SceneError(f"{where}: `{text}` holds {len(tokens)} numbers; allowed: {' or '.join(map(str, counts))}")
     return [parse_number(token, where) for token in tokens]
 
 
@@ -83,9 +81,7 @@ class Properties:
     def done(self) -> None:
         """Refuse every parameter and object that was not taken."""
         for name, element in self.values.items():
-            raise SceneError(
-                f"{element.where}: parameter `{name}` is unknown to `{self.type}`{self._named()}"
-            )
+            raise SceneError(f"{element.where}: parameter `{name}` is unknown to `{self.type}`{self._named()}")
         for name, element in self.objects:
             title = f"<{element.tag}>" + (f" `{name}`" if name else "")
             raise SceneError(f"{element.where}: {title} is not expected in `{self.type}`{self._named()}")
@@ -135,9 +131,7 @@ class Properties:
             return default
         text = element.attribute("value")
         if not _INTEGER.fullmatch(text) or not low <= int(text) <= high:
-            raise SceneError(
-                f"{element.where}: `{name}` is `{text.strip()}`; allowed: whole numbers {low} to {high}"
-            )
+            raise SceneError(f"{element.where}: `{name}` is `{text.strip()}`; allowed: whole numbers {low} to {high}")
         return int(text)
 
     def boolean(self, name: str, default: bool) -> bool:
@@ -192,9 +186,7 @@ class Properties:
             composed = transforms.product(_elementary(child), composed)
         rounded = composed.rounded()
         if element and (not rounded.is_finite() or rounded.determinant() == 0):
-            raise SceneError(
-                f"{element.where}: `{name}` of `{self.type}`{self._named()} is singular or not finite"
-            )
+            raise SceneError(f"{element.where}: `{name}` of `{self.type}`{self._named()} is singular or not finite")
         return rounded
 
     def take_objects(self, tag: str) -> list[Properties]:
@@ -256,14 +248,11 @@ def _elementary(element: Element) -> Affine:
         case "lookat":
             element.only("origin", "target", "up")
             origin, target, up = (
-                tuple(_numbers(element.attribute(name), element.where, (3,)))
-                for name in ("origin", "target", "up")
+                tuple(_numbers(element.attribute(name), element.where, (3,))) for name in ("origin", "target", "up")
             )
             result = transforms.look_at(origin, target, up)  # type: ignore[arg-type]
             if not result.is_finite():
-                raise SceneError(
-                    f"{element.where}: target equals origin, or up is zero or parallel to the view"
-                )
+                raise SceneError(f"{element.where}: target equals origin, or up is zero or parallel to the view")
             return result
         case "matrix":
             element.only("value")

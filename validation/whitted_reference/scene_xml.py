@@ -151,21 +151,14 @@ def _scaling32(v: Row3) -> Affine:
     return transforms.scaling(v).rounded()
 
 
-def _length32(v: Row3) -> float:
-    near = float32.nearest
-    return near(math.sqrt(near(near(near(v[0] * v[0]) + near(v[1] * v[1])) + near(v[2] * v[2]))))
-
-
 def _sphere(p: Properties, look: scene.Look) -> scene.Solid:
     radius = p.single("radius", 1.0)
     if radius == 0.0:
         raise p.refuse("radius is 0; allowed: other numbers")
-    m = _times32(
-        p, p.transform(), transforms.translation(p.vec("center", (0.0, 0.0, 0.0))), _scaling32((radius,) * 3)
-    )
+    m = _times32(p, p.transform(), transforms.translation(p.vec("center", (0.0, 0.0, 0.0))), _scaling32((radius,) * 3))
     _similarity(p, m, (0, 1, 2))
     inward = p.boolean("flip_normals", False) != (m.determinant() < 0)
-    return scene.Sphere(look, m.column(3), _length32(m.column(0)), m, inward)
+    return scene.Sphere(look, m.column(3), float32.length(m.column(0)), m, inward)
 
 
 def _cylinder(p: Properties, look: scene.Look) -> scene.Solid:
@@ -173,10 +166,10 @@ def _cylinder(p: Properties, look: scene.Look) -> scene.Solid:
     radius = p.single("radius", 1.0)
     p0, p1 = p.vec("p0", (0.0, 0.0, 0.0)), p.vec("p1", (0.0, 0.0, 1.0))
     axis = (near(p1[0] - p0[0]), near(p1[1] - p0[1]), near(p1[2] - p0[2]))
-    length = _length32(axis)
+    length = float32.length(axis)
     if radius == 0.0 or length == 0.0:
         raise p.refuse(f"radius {radius:g}, length {length:g}; allowed: other than 0")
-    n = (near(axis[0] / length), near(axis[1] / length), near(axis[2] / length))
+    n = float32.divided(axis, length)
     s, t = float32.frame(n)
     to_frame = transforms.from_columns(s, t, n, (0.0, 0.0, 0.0), (s, t, n))
     m = _times32(p, p.transform(), transforms.translation(p0), to_frame, _scaling32((radius, radius, length)))
@@ -311,9 +304,7 @@ def _group(p: Properties) -> tuple[scene.Solid, ...]:
     solids = tuple(_solid(child, i) for i, child in enumerate(p.take_objects("shape")))
     for solid in solids:
         if solid.look.emission is not None:
-            raise p.refuse(
-                f"`{solid.look.id}` is an area light; allowed in a group: shapes that do not shine"
-            )
+            raise p.refuse(f"`{solid.look.id}` is an area light; allowed in a group: shapes that do not shine")
     p.done()
     return solids
 
@@ -380,9 +371,7 @@ def _film(p: Properties, messages: list[str]) -> scene.Film:
     x, y = p.integer("crop_offset_x", 0, 0), p.integer("crop_offset_y", 0, 0)
     crop_width, crop_height = p.integer("crop_width", width, 1), p.integer("crop_height", height, 1)
     if x + crop_width > width or y + crop_height > height:
-        raise p.refuse(
-            f"crop {crop_width} x {crop_height} at ({x}, {y}) leaves the film of {width} x {height}"
-        )
+        raise p.refuse(f"crop {crop_width} x {crop_height} at ({x}, {y}) leaves the film of {width} x {height}")
     for name in ("file_format", "pixel_format", "component_format"):
         p.string(name, "")
     for name in ("banner", "compensate"):
@@ -550,6 +539,4 @@ def _read_scene(p: Properties) -> scene.Scene:
             messages.append(f"area light of `{shape.look.id}` is seen and lights nothing")
     p.done()
     name = Path(p.where.split(":")[0]).stem
-    return scene.Scene(
-        name, settings, sensors, shapes, tuple(lights), background or (0.0, 0.0, 0.0), tuple(messages)
-    )
+    return scene.Scene(name, settings, sensors, shapes, tuple(lights), background or (0.0, 0.0, 0.0), tuple(messages))

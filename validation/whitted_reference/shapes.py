@@ -355,11 +355,7 @@ class Cylinder(Primitive):
         columns = [shape.to_world.column(j) for j in range(4)]
         reach = [abs(columns[0][i]) + abs(columns[1][i]) for i in range(3)]
         self.box = box_of(
-            [
-                tuple(columns[3][i] + h * columns[2][i] + s * reach[i] for i in range(3))
-                for h in (0, 1)
-                for s in (-1, 1)
-            ]
+            [tuple(columns[3][i] + h * columns[2][i] + s * reach[i] for i in range(3)) for h in (0, 1) for s in (-1, 1)]
         )
 
     def hit(
@@ -542,9 +538,7 @@ class Triangle(Primitive):
             return self._g, self._g
         beta, gamma = self._weights(e, d)
         n0, n1, n2 = self._normals
-        n = unit(
-            add(add(scaled(n0, 1 - beta - gamma), scaled(n1, beta)), scaled(n2, gamma)), self._arithmetic
-        )
+        n = unit(add(add(scaled(n0, 1 - beta - gamma), scaled(n1, beta)), scaled(n2, gamma)), self._arithmetic)
         return n, turned(self._g, n)
 
     def uv(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Number, Number]:

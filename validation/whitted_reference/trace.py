@@ -46,9 +46,7 @@ class Tracer:
         with arithmetic.scope():
             self._prepare(description, arithmetic, sensor, hierarchy)
 
-    def _prepare(
-        self, description: scene.Scene, arithmetic: Arithmetic, sensor: int, hierarchy: bool
-    ) -> None:
+    def _prepare(self, description: scene.Scene, arithmetic: Arithmetic, sensor: int, hierarchy: bool) -> None:
         settings = description.settings
         self.arithmetic = arithmetic
         self.film = description.sensors[sensor].film
@@ -252,9 +250,7 @@ class Tracer:
                 self.ties.append((first.surface.id, other.surface.id))
 
 
-def _primitives(
-    shapes: Sequence[scene.Shape], settings: scene.Settings, arithmetic: Arithmetic
-) -> Iterator[Primitive]:
+def _primitives(shapes: Sequence[scene.Shape], settings: scene.Settings, arithmetic: Arithmetic) -> Iterator[Primitive]:
     """Build the primitives of all shapes, in the order of the file."""
     for shape in shapes:
         if isinstance(shape, scene.Instance):

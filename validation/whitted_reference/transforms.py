@@ -75,9 +75,7 @@ def product(a: Affine, b: Affine, fma: Fma = float32.fma64) -> Affine:
 
     columns = [b.column(j) for j in range(4)]
     normals = [b.normal_column(j) for j in range(3)]
-    matrix = tuple(
-        tuple(chain(row, columns[j], row[3] if j == 3 else 0.0) for j in range(4)) for row in a.matrix
-    )
+    matrix = tuple(tuple(chain(row, columns[j], row[3] if j == 3 else 0.0) for j in range(4)) for row in a.matrix)
     normal = tuple(tuple(chain(row, normals[j], 0.0) for j in range(3)) for row in a.normal)
     return Affine(matrix, normal)  # type: ignore[arg-type]
 
