@@ -131,7 +131,10 @@ def test_an_interrupted_command_ends_at_once_and_leaves_nothing(folder: Path, se
         assert process.stderr.readline().startswith("whitted: variant")
         time.sleep(seconds)
         process.send_signal(signal.SIGINT)
-        _, rest = process.communicate(timeout=60)  # the picture would take hours
+        try:
+            _, rest = process.communicate(timeout=60)  # the picture would take hours
+        finally:
+            process.kill()
     assert (process.returncode, rest.splitlines()[-1]) == (130, "whitted: interrupted")
     assert [path.name for path in folder.iterdir()] == ["scene.xml"]
 
@@ -188,6 +191,15 @@ def test_the_same_command_writes_the_same_bytes(folder: Path) -> None:
 
 def test_the_number_of_threads_changes_no_byte(folder: Path) -> None:
     assert draw(folder, "-t", "1").tobytes() == draw(folder, "-t", "2").tobytes()
+
+
+def test_threads_are_as_many_as_asked_for(folder: Path) -> None:
+    code = (
+        "from whitted_validation.cli import run\nimport drjit as dr\n"
+        "run(['render', 'scene.xml', '-m', 'llvm_ad_rgb', '-t', '3'])\nprint(dr.thread_count())"
+    )
+    result = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True)
+    assert result.stdout == "3\n", result.stderr
 
 
 def test_grid_defaults_to_the_sample_count(folder: Path) -> None:
