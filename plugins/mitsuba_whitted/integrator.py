@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from typing import Any
 
@@ -104,6 +103,7 @@ def define() -> type[mi.SamplingIntegrator]:
             self.settings = _settings(props)
             self._stage: Stage | None = None
             self._camera: Camera | None = None
+            self._told: set[str] = set()
 
         def render(  # type: ignore[override]  # one signature where Mitsuba's stub has two
             self,
@@ -198,7 +198,7 @@ def define() -> type[mi.SamplingIntegrator]:
             else:
                 self._stage = Stage(scene, self.settings)
             for name in self._stage.lights_nothing:
-                _tell_once(f"{name} is drawn where it is seen, but lights no surface")
+                self._tell_once(f"{name} is drawn where it is seen, but lights no surface")
             return self._stage, plan_of(self._stage)
 
         def _look_through(self, sensor: mi.Sensor) -> Camera:
@@ -210,16 +210,15 @@ def define() -> type[mi.SamplingIntegrator]:
             spp = spp or sensor.sampler().sample_count()
             n: int = math.isqrt(spp - 1) + 1
             if n * n != spp:
-                _tell_once(f"{spp} samples a pixel are no square: {n} x {n} are taken")
+                self._tell_once(f"{spp} samples a pixel are no square: {n} x {n} are taken")
             return n
 
+        def _tell_once(self, message: str) -> None:
+            if message not in self._told:
+                self._told.add(message)
+                mi.Log(mi.LogLevel.Warn, message)  # type: ignore[operator]  # its stub takes it for an object
+
     return Whitted
-
-
-@functools.cache
-def _tell_once(message: str) -> None:
-    """Say what a user should know of a scene, but not before every picture of it."""
-    mi.Log(mi.LogLevel.Warn, message)  # type: ignore[operator]  # its stub takes it for an object
 
 
 def _settings(props: Any) -> Settings:
@@ -241,4 +240,3 @@ def _settings(props: Any) -> Settings:
         raise SceneError(f"{name}: ambient {ambient} must be one colour, finite and not negative")
     enabled = {f"enable_{term}": bool(props.get(f"enable_{term}", True)) for term in TERMS}
     return Settings(max_depth, tuple(ambient), falloff, epsilon, **enabled)
-

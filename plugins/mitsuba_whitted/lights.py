@@ -47,9 +47,7 @@ class Lights:
         """Kind and, while they are part of the kernel one by one, the number of these lights."""
         return f"{self.count} {self.kind}" if self.count <= UNROLL else f"many {self.kind}"
 
-    def sum(
-        self, term: Callable[[Sample], tuple[Any, Any]], p: Any, inverse_square: bool
-    ) -> tuple[Any, Any]:
+    def sum(self, term: Callable[[Sample], tuple[Any, Any]], p: Any, inverse_square: bool) -> tuple[Any, Any]:
         """Add up both parts of `term`, a Spectrum and a count, over all lights as seen from the point `p`."""
 
         def add(i: Any, colour: Any, count: Any) -> tuple[Any, Any, Any]:
@@ -108,9 +106,7 @@ def lights_of(graph: SceneGraph) -> list[Lights]:
 def lights_nothing(graph: SceneGraph) -> list[str]:
     """Name the emitters that are seen, at most, but light no surface."""
     return [
-        f"{emitter.class_name()} `{emitter.id()}`"
-        for emitter in graph.emitters
-        if emitter.class_name() not in _READERS
+        f"{emitter.class_name()} `{emitter.id()}`" for emitter in graph.emitters if emitter.class_name() not in _READERS
     ]
 
 
@@ -132,9 +128,7 @@ def _spot(graph: SceneGraph, emitter: mi.Emitter) -> tuple[list[float], list[flo
     matrix = _matrix(graph, emitter)
     if np.linalg.det(matrix[:3, :3]) == 0:
         raise SceneError(f"emitter `{emitter.id()}`: to_world is singular; it must be invertible")
-    cutoff, beam = (
-        np.deg2rad(number(graph.value(emitter, name))) for name in ("cutoff_angle", "beam_width")
-    )
+    cutoff, beam = (np.deg2rad(number(graph.value(emitter, name))) for name in ("cutoff_angle", "beam_width"))
     slope = 1 / (cutoff - beam) if cutoff > beam else 0.0
     to_local = np.linalg.inv(matrix[:3, :3])
     return [*matrix[:3, 3], *to_local.ravel(), cutoff, beam, slope], _colour(graph, emitter, "intensity")

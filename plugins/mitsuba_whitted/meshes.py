@@ -54,13 +54,9 @@ class Meshes:
             self._normals = stored(mi.Float, np.concatenate([part.padded(part.normals, 3) for part in meshes]))
         self._has_texcoords = any(len(part.texcoords) for part in meshes)
         if self._has_texcoords:
-            self._texcoords = stored(
-                mi.Float, np.concatenate([part.padded(part.texcoords, 2) for part in meshes])
-            )
+            self._texcoords = stored(mi.Float, np.concatenate([part.padded(part.texcoords, 2) for part in meshes]))
 
-    def hit(
-        self, pi: mi.PreliminaryIntersection3f, o: Any, d: Any, shape: Any, with_uv: bool, active: Any
-    ) -> MeshHit:
+    def hit(self, pi: mi.PreliminaryIntersection3f, o: Any, d: Any, shape: Any, with_uv: bool, active: Any) -> MeshHit:
         """Compute the hit on triangle ``pi.prim_index`` of mesh `shape` by the ray from `o` along `d`."""
         row = fetch(mi.Vector4u, self._rows, shape, active)
         flags = row.y

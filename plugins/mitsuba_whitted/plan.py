@@ -70,4 +70,3 @@ def plan_of(stage: Stage) -> Plan:
         mirrors=settings.enable_mirrors and materials.k_m.present,
         epsilon=settings.epsilon is not None,
     )
-

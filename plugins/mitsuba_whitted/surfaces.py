@@ -163,9 +163,7 @@ class Surfaces:
 
     def _texture_coordinates(self, kind: Any, off_origin: Any, shape: Any, active: Any) -> Any:
         """Mitsuba's (u, v) of its analytic shapes, from a vector off the image of their local origin."""
-        x, y, z = (
-            dr.dot(fetch(mi.Vector3f, self._to_local, 3 * shape + i, active), off_origin) for i in range(3)
-        )
+        x, y, z = (dr.dot(fetch(mi.Vector3f, self._to_local, 3 * shape + i, active), off_origin) for i in range(3))
         uv = mi.Point2f(dr.fma(x, 0.5, 0.5), dr.fma(y, 0.5, 0.5))  # rectangle
         if self.kinds - {Kind.RECTANGLE, Kind.MESH}:
             turn = dr.atan2(y, x) * (0.5 / dr.pi)
