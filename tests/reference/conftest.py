@@ -95,9 +95,7 @@ def _trace(tracer: Tracer, e: Sequence[float], d: Sequence[float]):  # type: ign
     x, y, z = direction
     length = arithmetic.sqrt(x * x + y * y + z * z)
     end = arithmetic.infinity
-    return tracer.raycolor(
-        origin, (x / length, y / length, z / length), arithmetic.before(arithmetic.of(0)), end
-    )
+    return tracer.raycolor(origin, (x / length, y / length, z / length), arithmetic.before(arithmetic.of(0)), end)
 
 
 @pytest.fixture
@@ -110,9 +108,7 @@ def eye(load_scene: Callable[..., Scene]) -> Callable[..., Eye]:
     return make
 
 
-def _ply(
-    vertices: Sequence[Sequence[float]], faces: Sequence[Sequence[int]], properties: Sequence[str]
-) -> str:
+def _ply(vertices: Sequence[Sequence[float]], faces: Sequence[Sequence[int]], properties: Sequence[str]) -> str:
     header = ["ply", "format ascii 1.0", f"element vertex {len(vertices)}"]
     header += [f"property float {name}" for name in properties]
     header += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]

@@ -11,9 +11,7 @@ from whitted_reference.arithmetic import FLOAT, INTERVAL
 from whitted_reference.camera import Camera
 
 
-def sensor(
-    parameters: str = "", film: str = "", kind: str = "perspective", size: tuple[int, int] = (8, 4)
-) -> str:
+def sensor(parameters: str = "", film: str = "", kind: str = "perspective", size: tuple[int, int] = (8, 4)) -> str:
     fov = '<float name="fov" value="90"/>' if kind == "perspective" else ""
     return f"""<sensor type="{kind}">{fov}{parameters}<film type="hdrfilm">{film}
       <integer name="width" value="{size[0]}"/><integer name="height" value="{size[1]}"/>
@@ -38,8 +36,7 @@ def slopes(load_scene):
 def matches(intervals, *expected: Fraction | float) -> bool:
     # tan 45 degrees is computed in double precision and is 1 - 2^-53: relative 2^-53 on every slope.
     return all(
-        i.low - abs(x) * 2.0**-53 <= x <= i.high + abs(x) * 2.0**-53
-        for i, x in zip(intervals, expected, strict=True)
+        i.low - abs(x) * 2.0**-53 <= x <= i.high + abs(x) * 2.0**-53 for i, x in zip(intervals, expected, strict=True)
     )
 
 
@@ -66,9 +63,7 @@ def test_crop_moves_the_window_over_the_full_film(slopes):
 def test_principal_point_is_a_share_of_the_full_film(slopes):
     shift = """<float name="principal_point_offset_x" value="0.25"/>
       <float name="principal_point_offset_y" value="-0.125"/>"""
-    assert matches(
-        slopes(sensor(shift), 0, 0), Fraction(7, 8) - Fraction(1, 2), Fraction(3, 8) + Fraction(1, 8)
-    )
+    assert matches(slopes(sensor(shift), 0, 0), Fraction(7, 8) - Fraction(1, 2), Fraction(3, 8) + Fraction(1, 8))
 
 
 CLIP = '<float name="near_clip" value="{}"/><float name="far_clip" value="{}"/>'

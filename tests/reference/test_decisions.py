@@ -43,9 +43,7 @@ def test_lit_surface_is_seen_from_depth_two_with_ambient(eye):
 
 
 def test_back_of_a_surface_is_black_in_every_term(eye):
-    shining = FLOOR.replace(
-        "</shape>", '<emitter type="area"><float name="radiance" value="2"/></emitter></shape>'
-    )
+    shining = FLOOR.replace("</shape>", '<emitter type="area"><float name="radiance" value="2"/></emitter></shape>')
     up = SUN.replace("0,0,-1", "0,0,1")
     assert eye(shining + up + SKY, AMBIENT).sees((0, 0, -1), (0, 0, 1), 0)
 

@@ -32,9 +32,7 @@ def binary_ply(order: str, real: str = "f", index: str = "vertex_indices") -> by
     head = ["ply", f"format binary_{form}_endian 1.0", "comment made by hand", "element vertex 3"]
     head += [f"property {kind} {name}" for name in NAMES] + ["property uchar red"]
     head += ["element face 1", f"property list uchar int {index}", "end_header", ""]
-    body = b"".join(struct.pack(f"{order}8{real}B", *row, 9) for row in ROWS) + struct.pack(
-        f"{order}B3i", 3, 2, 1, 0
-    )
+    body = b"".join(struct.pack(f"{order}8{real}B", *row, 9) for row in ROWS) + struct.pack(f"{order}B3i", 3, 2, 1, 0)
     return "\n".join(head).encode() + body
 
 

@@ -59,9 +59,7 @@ def test_spot_is_a_point_light_within_its_beam_and_dark_beyond_its_cutoff(eye):
     assert eye(FLOOR + spot(40, inside), none).sees((3, 0, 1), DOWN, 20)
 
 
-@pytest.mark.parametrize(
-    ("cutoff", "beam", "width"), [(40, 20, '<float name="beam_width" value="20"/>'), (40, 30, "")]
-)
+@pytest.mark.parametrize(("cutoff", "beam", "width"), [(40, 20, '<float name="beam_width" value="20"/>'), (40, 30, "")])
 def test_spot_is_linear_in_the_angle_between_beam_and_cutoff(load_scene, cutoff, beam, width):
     scene = load_scene(FLOOR + spot(cutoff, width))
     for arithmetic in (FLOAT, DECIMAL):

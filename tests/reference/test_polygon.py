@@ -119,9 +119,7 @@ def test_projection_follows_the_largest_component_of_the_normal(meets, load_scen
 
 
 def test_vertices_are_transformed_before_anything_else(meets):
-    turned = polygon(
-        SQUARE, to_world='<matrix value="0 -1 0 0  1 0 0 0  0 0 1 0  0 0 0 1"/><translate z="3"/>'
-    )
+    turned = polygon(SQUARE, to_world='<matrix value="0 -1 0 0  1 0 0 0  0 0 1 0  0 0 0 1"/><translate z="3"/>')
     assert meets(turned, 1, 1.5)[0] == 5
 
 

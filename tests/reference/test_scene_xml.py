@@ -89,10 +89,10 @@ def test_references_and_aliases_find_their_object(load_scene):
 
 
 def test_include_merges_a_file_of_the_own_folder(load_scene):
-    inner = '<scene version="3.0.0"><bsdf type="diffuse" id="red"><rgb name="reflectance" value="1 0 0"/></bsdf></scene>'
-    scene = load_scene(
-        '<include filename="inner.xml"/>' + BALL.format('<ref id="red"/>'), files={"inner.xml": inner}
+    inner = (
+        '<scene version="3.0.0"><bsdf type="diffuse" id="red"><rgb name="reflectance" value="1 0 0"/></bsdf></scene>'
     )
+    scene = load_scene('<include filename="inner.xml"/>' + BALL.format('<ref id="red"/>'), files={"inner.xml": inner})
     assert scene.shapes[0].look.material == Diffuse((1, 0, 0))
 
 
@@ -151,9 +151,7 @@ def test_lookat_points_z_at_the_target_and_x_along_up_cross_z(load_scene):
 )
 def test_field_of_view_is_measured_along_its_axis(load_scene, parameters, expected):
     # Rounded once to single precision: half a unit in the 24th bit.
-    assert load_scene("", sensor=sensor(parameters)).sensors[0].x_fov == pytest.approx(
-        expected, rel=2.0**-24, abs=0
-    )
+    assert load_scene("", sensor=sensor(parameters)).sensors[0].x_fov == pytest.approx(expected, rel=2.0**-24, abs=0)
 
 
 # ------------------------------------------------------------------------------------------------ refusals

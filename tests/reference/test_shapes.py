@@ -84,9 +84,7 @@ def test_sphere_is_met_at_the_smaller_root_ahead(hit, e, d, t, n):
     assert seen.n == seen.n_g or seen.n is seen.n_g
 
 
-@pytest.mark.parametrize(
-    ("e", "d"), [((1, 2, 8), (0, 0, 1)), ((1, 4.5, 8), (0, 0, -1)), ((9, 9, 9), (1, 0, 0))]
-)
+@pytest.mark.parametrize(("e", "d"), [((1, 2, 8), (0, 0, 1)), ((1, 4.5, 8), (0, 0, -1)), ((9, 9, 9), (1, 0, 0))])
 def test_sphere_is_missed_behind_and_beside(hit, e, d):
     assert hit(BALL, e, d).t is None
 
@@ -302,9 +300,7 @@ def test_no_ray_slips_between_triangles_that_share_an_edge(load_scene, ply, bump
     """Aim from inside a closed mesh at points of its edges and at its vertices: every ray must hit."""
     vertices, faces = bumpy
     files = {"m.ply": ply(vertices, faces)}
-    tracer = Tracer(
-        load_scene(mesh(FACETED, to_world='<rotate x="1" angle="17"/>'), files=files), hierarchy=False
-    )
+    tracer = Tracer(load_scene(mesh(FACETED, to_world='<rotate x="1" angle="17"/>'), files=files), hierarchy=False)
     world = Tracer(load_scene(mesh(FACETED, to_world='<rotate x="1" angle="17"/>'), files=files))
     corners = [c for p in tracer.primitives[::3] for c in [p._corners]]
     for a, b, c in corners:

@@ -23,7 +23,7 @@ class Polygon(Primitive):
     themselves only count in projection along the largest component of n.
     """
 
-    __slots__ = ("_n", "_rings")
+    __slots__ = ("_flat", "_n", "_sides")
 
     def __init__(self, shape: scene.Polygon, arithmetic: Arithmetic) -> None:
         rings: list[list[Vec]] = [[arithmetic.vec(v) for v in ring] for ring in shape.rings]
@@ -32,10 +32,8 @@ class Polygon(Primitive):
         along = 0 if size[0] >= size[1] and size[0] >= size[2] else 1 if size[1] >= size[2] else 2
         i, j = [axis for axis in range(3) if axis != along]
         self.data = (*centre, *n, i, j)
-        # Every side of every ring as (x, y) of its start and (x, y) of its end.
-        self._rings = [
-            (a[i], a[j], b[i], b[j]) for ring in rings for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)
-        ]
+        self._sides = [side for ring in rings for side in zip(ring, [*ring[1:], ring[0]], strict=True)]
+        self._flat = [(a[i], a[j], b[i], b[j]) for a, b in self._sides]  # in projection
         self._n = negated(n) if shape.flip else n
         slack = tolerance(shape.rings)
         points = [v for ring in shape.rings for v in ring]
@@ -63,10 +61,14 @@ class Polygon(Primitive):
         p = (ex + t * dx, ey + t * dy, ez + t * dz)
         return t if self.contains(p[i], p[j]) else None
 
+    def sides(self) -> list[tuple[Vec, Vec]]:
+        """Return the two ends of each side of each ring."""
+        return self._sides
+
     def contains(self, x: Number, y: Number) -> bool:
         """Tell whether a projected point is inside: crossings summed over all rings are odd."""
         inside = False
-        for ax, ay, bx, by in self._rings:
+        for ax, ay, bx, by in self._flat:
             if (ay > y) != (by > y) and x < (bx - ax) * (y - ay) / (by - ay) + ax:
                 inside = not inside
         return inside

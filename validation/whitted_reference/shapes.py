@@ -218,10 +218,11 @@ class _Flat(Primitive):
     q = p - c.
     """
 
-    __slots__ = ("_arithmetic", "_g", "_n")
+    __slots__ = ("_arithmetic", "_g", "_n", "frame")
 
     def __init__(self, to_world: Affine, flip: bool, arithmetic: Arithmetic) -> None:
         a, b, c = (arithmetic.vec(to_world.column(j)) for j in (0, 1, 3))
+        self.frame: tuple[Vec, Vec, Vec] = (a, b, c)
         normal = cross(a, b)
         squared = dot(normal, normal)
         to_x = scaled(cross(b, normal), 1 / squared)
@@ -235,6 +236,11 @@ class _Flat(Primitive):
     def normals(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Vec, Vec]:
         """Return M^-T z (reversed if flipped) and a x b, everywhere the same."""
         return self._n, self._g
+
+    def world(self, xy: tuple[Number, Number]) -> Vec:
+        """Return c + x a + y b."""
+        a, b, c = self.frame
+        return add(c, add(scaled(a, xy[0]), scaled(b, xy[1])))
 
     def local(self, p: Vec) -> tuple[Number, Number]:
         """Return x and y of a point of the plane."""
@@ -281,6 +287,11 @@ class Parallelogram(_Flat):
             if -1 <= qx * xx + qy * xy + qz * xz <= 1 and -1 <= qx * yx + qy * yy + qz * yz <= 1:
                 return t
         return None
+
+    def sides(self) -> list[tuple[Vec, Vec]]:
+        """Return the two ends of each side."""
+        ring = [self.world((x, y)) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        return list(zip(ring, [*ring[1:], ring[0]], strict=True))
 
     def uv(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Number, Number]:
         """Return (x + 1) / 2 and (y + 1) / 2."""
@@ -342,7 +353,7 @@ class Cylinder(Primitive):
     |x' + t d'| = r are found as for the sphere.
     """
 
-    __slots__ = ("_arithmetic", "_axes", "_inward", "_sqrt")
+    __slots__ = ("_arithmetic", "_inward", "_sqrt", "axes")
 
     def __init__(self, shape: scene.Cylinder, arithmetic: Arithmetic) -> None:
         self._arithmetic = arithmetic
@@ -351,7 +362,7 @@ class Cylinder(Primitive):
         a, b, axis, base = (arithmetic.vec(shape.to_world.column(j)) for j in range(4))
         length = arithmetic.sqrt(dot(axis, axis))
         self.data = (*base, *unit(axis, arithmetic), length, dot(a, a))
-        self._axes = (a, b)
+        self.axes = (a, b)
         columns = [shape.to_world.column(j) for j in range(4)]
         reach = [abs(columns[0][i]) + abs(columns[1][i]) for i in range(3)]
         self.box = box_of(
@@ -452,7 +463,7 @@ class Cylinder(Primitive):
     def uv(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Number, Number]:
         """Return the azimuth as a fraction of a turn, and the height as a fraction of the length."""
         across, height = self._across(p)
-        x, y = (dot(across, axis) for axis in self._axes)
+        x, y = (dot(across, axis) for axis in self.axes)
         return _azimuth(x, y, self._arithmetic), height / self.data[6]
 
 
@@ -523,6 +534,11 @@ class Triangle(Primitive):
             return None
         t = (ax * nx + ay * ny + az * nz) / slope
         return t if start < t <= end else None
+
+    def sides(self) -> list[tuple[Vec, Vec]]:
+        """Return the two ends of each side."""
+        a, b, c = self._corners
+        return [(a, b), (b, c), (c, a)]
 
     def _weights(self, e: Vec, d: Vec) -> tuple[Number, Number]:
         """Return beta and gamma: e + t d = a + beta (b - a) + gamma (c - a)."""

@@ -14,10 +14,10 @@ from whitted_reference.arithmetic import FLOAT, Arithmetic
 from whitted_reference.bvh import hierarchy_or_everything
 from whitted_reference.camera import Camera
 from whitted_reference.instances import Placed
-from whitted_reference.materials import SMALL_EXPONENT, Material
+from whitted_reference.materials import SMALL_EXPONENT, Material, Terms
 from whitted_reference.polygon import Polygon
 from whitted_reference.shapes import Cylinder, Disk, Parallelogram, Primitive, Sphere, Surface, triangles
-from whitted_reference.vectors import BLACK, WHITE, Colour, Number, Vec, cross, dot
+from whitted_reference.vectors import BLACK, WHITE, Colour, Number, Vec, cross, dot, negated
 
 # With unlimited depth a mirror path ends after this bounce, or when what it still carries is below this
 # share in every channel.
@@ -69,6 +69,7 @@ class Tracer:
         # Where secondary rays start: at the surface, which they cannot meet again, or `epsilon` away.
         self._exact = settings.epsilon is None
         self._start = arithmetic.of(settings.epsilon or 0.0)
+        self._infinity = arithmetic.infinity
         self.ties: list[tuple[str, str]] = []
 
     def pixel(self, x: int, y: int, grid: int = 1) -> Colour:
@@ -113,18 +114,13 @@ class Tracer:
         n, n_g = primitive.normals(e, d, t, p)
         surface = primitive.surface
         side = surface.front
-        nx, ny, nz = n
-        n_v = -(nx * dx + ny * dy + nz * dz)
+        n_v = -(n[0] * dx + n[1] * dy + n[2] * dz)
         if n_v < 0 and surface.back is not None:
             side = surface.back
-            n_v = -n_v
-            n_g = (-nx, -ny, -nz) if n_g is n else (-n_g[0], -n_g[1], -n_g[2])
-            nx = -nx
-            ny = -ny
-            nz = -nz
-            n = n_g if n_g[0] is nx else (nx, ny, nz)
+            n, n_g, n_v = negated(n), negated(n_g), -n_v
+        nx, ny, nz = n
         gx, gy, gz = n_g
-        if not (n_v > 0 and -(gx * dx + gy * dy + gz * dz) > 0):
+        if not self.positive("facing", n_v, -(gx * dx + gy * dy + gz * dz)):
             return BLACK  # seen from behind
 
         red = green = blue = 0
@@ -140,50 +136,59 @@ class Tracer:
             green += k_a[1] * i_a[1]
             blue += k_a[2] * i_a[2]
 
-        k_d, k_s = terms.diffuse, terms.specular
         for light in self.lights:
             arrival = light.arrive(*p)
             if arrival is None:
-                continue
+                continue  # outside its cone
             lx, ly, lz, distance, i = arrival
             n_l = nx * lx + ny * ly + nz * lz
-            if not (n_l > 0 and gx * lx + gy * ly + gz * lz > 0):
+            if not self.positive("horizon", n_l, gx * lx + gy * ly + gz * lz, light):
                 if distance == 0:
                     self.ties.append((surface.id, light.id))
                 continue  # below the horizon
-            if self._shadows and self.blocker(p, (lx, ly, lz), distance, primitive, light) is not None:
+            l = (lx, ly, lz)  # noqa: E741
+            if self._shadows and self.blocker(p, l, distance, primitive, light) is not None:
                 continue
-            if k_s is None:
-                red += k_d[0] * i[0] * n_l
-                green += k_d[1] * i[1] * n_l
-                blue += k_d[2] * i[2] * n_l
-            else:
-                highlight = self.highlight(n, d, (lx, ly, lz), terms.exponent)
-                red += i[0] * (k_d[0] * n_l + k_s[0] * highlight)
-                green += i[1] * (k_d[1] * n_l + k_s[1] * highlight)
-                blue += i[2] * (k_d[2] * n_l + k_s[2] * highlight)
+            r, g, b = self.reflected(terms, i, n, d, l, n_l)
+            red += r
+            green += g
+            blue += b
 
         k_m = terms.mirror
         if k_m is not None:
-            rx, ry, rz = dx + 2 * n_v * nx, dy + 2 * n_v * ny, dz + 2 * n_v * nz  # d - 2 (d.n) n
-            if gx * rx + gy * ry + gz * rz > 0:
+            r = (dx + 2 * n_v * nx, dy + 2 * n_v * ny, dz + 2 * n_v * nz)  # d - 2 (d.n) n
+            if self.positive("mirror", n_v, gx * r[0] + gy * r[1] + gz * r[2]):
                 if self._unlimited:
                     share = (share[0] * k_m[0], share[1] * k_m[1], share[2] * k_m[2])
                     if k + 1 > LAST_BOUNCE or all(x < self._least_share for x in share):
                         return red, green, blue
-                seen = self.raycolor(
-                    p,
-                    (rx, ry, rz),
-                    self._start,
-                    self.arithmetic.infinity,
-                    k + 1,
-                    self._left(primitive),
-                    share,
-                )
+                away = primitive if self._exact else None
+                seen = self.raycolor(p, r, self._start, self._infinity, k + 1, away, share)
                 red += k_m[0] * seen[0]
                 green += k_m[1] * seen[1]
                 blue += k_m[2] * seen[2]
         return red, green, blue
+
+    def positive(self, kind: str, x: Number, y: Number, light: lights.Light | None = None) -> bool:
+        """Decide by two cosines, one with n and one with n_g, whether both sides are seen.
+
+        `kind` says what is decided: `facing` the eye, above the `horizon` for a light, or whether the
+        `mirror` ray leaves the surface. (`ray_tree` listens here.)
+        """
+        both: bool = x > 0 and y > 0
+        return both
+
+    def reflected(self, terms: Terms, i: Colour, n: Vec, d: Vec, l: Vec, n_l: Number) -> Colour:  # noqa: E741
+        """Return k_d I (n.l) + k_s I max(0, n.h)^exponent."""
+        k_d, k_s = terms.diffuse, terms.specular
+        if k_s is None:
+            return k_d[0] * i[0] * n_l, k_d[1] * i[1] * n_l, k_d[2] * i[2] * n_l
+        highlight = self.highlight(n, d, l, terms.exponent)
+        return (
+            i[0] * (k_d[0] * n_l + k_s[0] * highlight),
+            i[1] * (k_d[1] * n_l + k_s[1] * highlight),
+            i[2] * (k_d[2] * n_l + k_s[2] * highlight),
+        )
 
     def first_hit(
         self, e: Vec, d: Vec, start: Number, end: Number, leaving: Primitive | None
@@ -208,16 +213,13 @@ class Tracer:
         light: lights.Light,
     ) -> Primitive | None:
         """Return a primitive on the open segment of that length from p along l to a light, or None."""
-        found = self._world.blocker(p, l, self._start, distance, self._left(leaving))
+        found = self._world.blocker(p, l, self._start, distance, leaving if self._exact else None)
         if found is None:
             return None
         t, _, primitive = found
         if not t * self._stretch < distance:
             self.ties.append((primitive.surface.id, light.id))
         return primitive if t < distance else None
-
-    def _left(self, primitive: Primitive) -> Primitive | None:
-        return primitive if self._exact else None
 
     def highlight(self, n: Vec, d: Vec, l: Vec, exponent: Number) -> Number:  # noqa: E741
         """Return max(0, n.h)^exponent with h = (v + l) / |v + l| and v = -d."""
