@@ -69,6 +69,7 @@ def test_area_light_is_seen_from_depth_one_and_lights_nothing(eye):
     lamp = """<shape type="rectangle"><transform name="to_world"><translate z="-1"/></transform>
       <emitter type="area"><rgb name="radiance" value="2 3 4"/></emitter></shape>"""
     assert eye(lamp, depth(1)).sees((0, 0, 1), DOWN, 2, 3, 4)
+    assert eye(lamp, depth(0)).sees((0, 0, 1), DOWN, 0)
     facing = lamp.replace('<translate z="-1"/>', '<rotate x="1" angle="180"/><translate z="1"/>')
     assert eye(FLOOR + facing).sees((4, 0, 1), DOWN, 0)
 
@@ -307,6 +308,9 @@ def test_unlimited_depth_ends_after_1024_bounces(eye):
     sys.setrecursionlimit(5000)
     try:
         assert eye(HALL.format(wall), depth(-1)).sees((0, 0, 0.5), DOWN, 1025)
+        # Ray 1024 is the last that sees anything, shining walls included.
+        shining = wall + '<emitter type="area"><float name="radiance" value="1"/></emitter>'
+        assert eye(HALL.format(shining), depth(-1)).sees((0, 0, 0.5), DOWN, 2 * 1025)
         # "With -1, and only then": a finite depth goes farther.
         assert eye(HALL.format(wall), depth(1101)).sees((0, 0, 0.5), DOWN, 1100)
     finally:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import struct
 import zlib
 from array import array
@@ -226,6 +227,41 @@ def test_damaged_or_unread_png_is_refused(tmp_path, data, message):
     with pytest.raises(SceneError) as error:
         read_png(write(tmp_path / "t.png", data))
     assert message in str(error.value)
+
+
+# ------------------------------------------------------------------------------------------ broken files
+@pytest.mark.parametrize("kind", ["ply", "ply_ascii", "obj", "png", "xml"])
+def test_files_with_any_byte_changed_are_read_or_refused_in_one_line(tmp_path, ply, kind):
+    good = {
+        "ply": binary_ply("<"),
+        "ply_ascii": ply(ROWS, [(0, 1, 2)], NAMES).encode(),
+        "obj": b"v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\n",
+        "png": png(2, 2, 2, [bytes(7), bytes(7)]),
+        "xml": b"""<scene version="3.0.0"><default name="r" value="2"/><shape type="sphere" id="b"><float name="radius"
+          value="$r"/><transform name="to_world"><rotate x="1" angle="30"/></transform></shape></scene>""",
+    }[kind]
+    read = {"ply": read_ply, "ply_ascii": read_ply, "obj": read_obj, "png": read_png, "xml": load}[kind]
+    rng = random.Random(8)
+    refused: list[str] = []
+    for _ in range(400):
+        data = bytearray(good)
+        for _ in range(rng.choice([1, 1, 3])):
+            place = rng.randrange(len(data))
+            action = rng.randrange(3)
+            if action == 0:
+                data[place] = rng.randrange(256)
+            elif action == 1:
+                del data[place : place + rng.randrange(1, 20)]
+            else:
+                data[place:place] = data[rng.randrange(len(data)) :][:9]
+            if not data:
+                break
+        try:
+            read(write(tmp_path / f"broken.{kind[:3]}", bytes(data)))
+        except SceneError as error:
+            refused.append(str(error))
+    assert len(refused) > 100
+    assert not any("\n" in message for message in refused)
 
 
 # ---------------------------------------------------------------------------------------- written pictures

@@ -158,7 +158,7 @@ def test_field_of_view_is_measured_along_its_axis(load_scene, parameters, expect
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        (BALL.format('<float name="radiu" value="1"/>'), "parameter `radiu` is unknown to `sphere` `ball`"),
+        (BALL.format('<float name="radiu" value="1"/>'), "<float> of `sphere` `ball`: parameter `radiu` is unknown"),
         (BALL.format('<integer name="flip_normals" value="1"/>'), "`flip_normals` must be given as <boolean>"),
         (BALL.format('<boolean name="flip_normals" value="yes"/>'), "`flip_normals` is `yes`; allowed: true, false"),
         (BALL.format('<float name="radius" value="1,5"/>'), "`1,5` is not a finite decimal number"),

@@ -363,13 +363,16 @@ def test_inside_an_instance_a_ball_blocks_its_own_far_side(eye):
         (shape("sphere", '<float name="radius" value="1e-50"/>'), "`it`: radius is 0"),
         (shape("cylinder", '<float name="radius" value="0"/>'), "`it`: radius 0"),
         (shape("cylinder", '<point name="p1" value="0,0,0"/>'), "`it`: radius 1, length 0"),
-        (shape("rectangle", to_world='<scale x="0"/>'), "`to_world` of `rectangle` `it` is singular"),
+        (shape("rectangle", to_world='<scale x="0"/>'), "<transform> of `rectangle` `it`: `to_world` is singular"),
         (
             shape("disk", to_world='<scale value="1e-39"/>'),
-            "`to_world` of `disk` `it` is singular or not finite",
+            "<transform> of `disk` `it`: `to_world` is singular or not finite",
         ),
         (shape("cube", to_world='<scale value="1e30"/><scale value="1e30"/>'), "singular or not finite"),
-        (shape("sphere", '<float name="radius" value="nan"/>'), "`nan` is not a finite decimal number"),
+        (
+            shape("sphere", '<float name="radius" value="nan"/>'),
+            "of `sphere` `it` `radius`: `nan` is not a finite decimal number",
+        ),
         (shape("sphere", '<point name="center" value="0,1e39,0"/>'), "`1e39` is beyond single precision"),
     ],
 )

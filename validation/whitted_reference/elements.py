@@ -24,13 +24,19 @@ OBJECTS = (
 
 @dataclass
 class Element:
-    """One XML element after substitution; `where` is `file:line <tag>` for messages."""
+    """One XML element after substitution; `place` and `owner` are where it stands, for messages."""
 
     tag: str
     attributes: dict[str, str]
-    where: str
+    place: str
     folder: Path
     children: list[Element] = field(default_factory=list)
+    owner: str = ""
+
+    @property
+    def where(self) -> str:
+        """Return `file:line <tag>`, and of what object."""
+        return self.place + self.owner
 
     def attribute(self, name: str) -> str:
         """Return a required attribute."""

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 
 class SceneError(ValueError):
-    """The scene is wrong: names the file, the element, the value and what is allowed."""
+    """The scene is wrong: names the file, the element, the value and what is allowed, in one line."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__("".join(c if c.isprintable() else "?" for c in message))
 
 
 class NotDefined(SceneError):

@@ -99,7 +99,7 @@ def read_ply(path: Path) -> RawMesh:
     data = path.read_bytes()
     try:
         return _ply(data)
-    except (ValueError, struct.error, IndexError) as error:
+    except (ValueError, KeyError, struct.error) as error:
         raise SceneError(f"{path.name}: bad PLY file: {error}") from None
 
 

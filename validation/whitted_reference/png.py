@@ -62,7 +62,9 @@ def _decode(data: bytes) -> Png:
             "interlace is read"
         )
     stored = _CHANNELS[colour]
-    rows = _unfilter(zlib.decompress(body), width * stored, height, stored)
+    due = (width * stored + 1) * height
+    raw = zlib.decompressobj().decompress(body, due + 1)  # no more than can be used
+    rows = _unfilter(raw, width * stored, height, stored)
     if stored in (2, 4):
         keep = stored - 1
         pixels = [row[i : i + keep] for row in rows for i in range(0, len(row), stored)]

@@ -62,6 +62,8 @@ class Properties:
                 if name in self.values:
                     raise SceneError(f"{child.where}: parameter `{name}` is given twice")
                 self.values[name] = child
+                for element in (child, *child.children):
+                    element.owner = f" of `{self.type}`{self._named()}"
             else:
                 raise SceneError(f"{child.where}: element <{child.tag}> is unknown here")
 
@@ -81,7 +83,7 @@ class Properties:
     def done(self) -> None:
         """Refuse every parameter and object that was not taken."""
         for name, element in self.values.items():
-            raise SceneError(f"{element.where}: parameter `{name}` is unknown to `{self.type}`{self._named()}")
+            raise SceneError(f"{element.where}: parameter `{name}` is unknown")
         for name, element in self.objects:
             title = f"<{element.tag}>" + (f" `{name}`" if name else "")
             raise SceneError(f"{element.where}: {title} is not expected in `{self.type}`{self._named()}")
@@ -186,7 +188,7 @@ class Properties:
             composed = transforms.product(_elementary(child), composed)
         rounded = composed.rounded()
         if element and (not rounded.is_finite() or rounded.determinant() == 0):
-            raise SceneError(f"{element.where}: `{name}` of `{self.type}`{self._named()} is singular or not finite")
+            raise SceneError(f"{element.where}: `{name}` is singular or not finite")
         return rounded
 
     def take_objects(self, tag: str) -> list[Properties]:

@@ -7,6 +7,7 @@ this into its own structures, in the arithmetic that it is asked to use (see `tr
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from whitted_reference.transforms import Affine
@@ -255,6 +256,11 @@ class Sensor:
     near: float
     far: float
     sample_count: int
+
+    @property
+    def grid(self) -> int:
+        """Return the n of the smallest n x n pattern that holds `sample_count` samples."""
+        return math.isqrt(self.sample_count - 1) + 1
 
 
 @dataclass(frozen=True)

@@ -213,7 +213,11 @@ _CUBE_FACES: tuple[tuple[Row3, tuple[Row3, ...]], ...] = (
 
 
 def _mesh_file(p: Properties, look: scene.Look) -> scene.Solid:
-    raw = mesh_files.read_ply(p.file()) if p.type == "ply" else mesh_files.read_obj(p.file())
+    path = p.file()
+    try:
+        raw = mesh_files.read_ply(path) if p.type == "ply" else mesh_files.read_obj(path)
+    except SceneError as error:
+        raise p.refuse(str(error)) from None
     if p.boolean("flip_tex_coords", p.type == "obj") and raw.uvs is not None:
         raw.uvs = [(u, float32.nearest(1.0 - v)) for u, v in raw.uvs]
     smooth = not p.boolean("face_normals", False)

@@ -6,6 +6,7 @@ shading, section 4.8 for mirrors); Blinn 1977 for the half vector.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -61,7 +62,7 @@ class Tracer:
         self._world = hierarchy_or_everything(self.primitives, arithmetic, reach, hierarchy)
         self._stretch = 1 + arithmetic.closeness
         self._unlimited = settings.max_depth == -1
-        self._max_depth = LAST_BOUNCE + 2 if self._unlimited else settings.max_depth
+        self._max_depth = math.inf if self._unlimited else settings.max_depth
         self._least_share = arithmetic.of(LEAST_SHARE)
         self._ambient: Colour = arithmetic.vec(settings.ambient)
         self._background: Colour = arithmetic.vec(description.background)
