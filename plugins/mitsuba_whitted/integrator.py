@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from typing import Any
 
 import drjit as dr
@@ -104,6 +105,7 @@ def define() -> type[mi.SamplingIntegrator]:
             self._stage: Stage | None = None
             self._camera: Camera | None = None
             self._told: set[str] = set()
+            self._preparing = threading.Lock()
 
         def render(  # type: ignore[override]  # one signature where Mitsuba's stub has two
             self,
@@ -159,8 +161,12 @@ def define() -> type[mi.SamplingIntegrator]:
         def sample(
             self, scene: mi.Scene, sampler: mi.Sampler, ray: Any, medium: Any = None, active: Any = True
         ) -> tuple[Any, Any, list[Any]]:
-            """Follow a single ray, for integrators such as `aov` that wrap another; the sampler is not asked."""
-            stage, plan = self._prepare(scene)
+            """Follow a single ray, for integrators such as `aov` that wrap another; the sampler is not asked.
+
+            Scalar variants come here once a sample, from many threads: there, only `render` looks for edits.
+            """
+            with self._preparing:
+                stage, plan = self._prepare(scene, edits=bool(dr.is_jit_v(mi.Float)))
             d = dr.normalize(ray.d)
             traced = trace(stage, plan, Rays(ray.o, d, mi.Vector3f(0), ray.maxt), active)
             return traced.colour, traced.hit, []
@@ -192,9 +198,10 @@ def define() -> type[mi.SamplingIntegrator]:
             """Name the parameters."""
             return f"Whitted[\n  {self.settings}\n]"
 
-        def _prepare(self, scene: mi.Scene) -> tuple[Stage, Plan]:
+        def _prepare(self, scene: mi.Scene, edits: bool = True) -> tuple[Stage, Plan]:
             if self._stage is not None and self._stage.follows(scene):
-                self._stage.refresh(self.settings)
+                if edits:
+                    self._stage.refresh(self.settings)
             else:
                 self._stage = Stage(scene, self.settings)
             for name in self._stage.lights_nothing:
