@@ -6,6 +6,7 @@ and a directional light of irradiance 1 that shines straight down: the floor sho
 
 from __future__ import annotations
 
+import math
 import sys
 from decimal import Decimal
 from fractions import Fraction
@@ -161,6 +162,14 @@ def test_a_tube_drops_only_the_root_at_the_leaving_point(eye):
     assert eye(tube + SUN).sees((0, 0, 3), DOWN, 0.5)
 
 
+def test_a_tube_lets_light_out_and_in_through_its_open_ends(eye):
+    # From (0, 0, -1) inside, towards (3, 4, 0): the far side would be met at y = 4 > 1/2, beyond the end.
+    tube = f"""<shape type="cylinder"><point name="p0" value="0,-0.5,0"/><point name="p1" value="0,0.5,0"/>
+      <bsdf type="twosided">{LAMBERT}</bsdf></shape>"""
+    light = point_light(2).replace("0,0,2", "0,4,2").replace('"4"', '"25"')
+    assert eye(tube + light).sees((0, 0, 0), DOWN, Fraction(1, 2) * Fraction(3, 5))
+
+
 # ------------------------------------------------------------------------------------ epsilon, for teaching
 def epsilon(value: float) -> str:
     return f'<float name="epsilon" value="{value}"/>'
@@ -227,6 +236,19 @@ def test_highlight_is_n_h_to_the_exponent_and_contains_no_cosine(eye):
         )
     # Above SMALL_EXPONENT the other formula is used; the answer must be as exact.
     assert eye(shiny.format(128) + sun).sees((0, 0, 1), DOWN, Fraction(1, 2) * Fraction(4, 5) ** 64)
+
+
+@pytest.mark.parametrize("exponent", [101, 1e4, 1e5])
+def test_sharp_highlights_keep_their_digits(eye, exponent):
+    # Eye and light stand so that nothing is exact and n.h is below 1 by about 1 / exponent, where the
+    # highlight is of the order of 1 and the plain power of n.h would lose as many digits as exponent has.
+    shiny = f"""<shape type="sphere"><bsdf type="blinnphong"><float name="diffuse_reflectance" value="0"/>
+      <float name="specular_reflectance" value="1"/><float name="exponent" value="{exponent}"/></bsdf></shape>"""
+    lamp = """<emitter type="point"><point name="position" value="3,1,5"/>
+      <float name="intensity" value="30"/></emitter>"""
+    aside = 1 / math.sqrt(exponent)
+    colour = eye(shiny + lamp).see((-2.3, 0.4, 5), (2.3 + 0.06 + aside, -0.4 + 0.15, -4.02))[0]
+    assert colour.low > 0.0
 
 
 def test_exponent_zero_gives_a_highlight_of_one(eye):

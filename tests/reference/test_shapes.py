@@ -167,6 +167,13 @@ def test_flat_shapes_follow_the_inverse_transpose(hit, kind, parameters, to_worl
     assert near(seen.n_g, n)
 
 
+@pytest.mark.parametrize("kind", ["rectangle", "disk"])
+def test_normal_of_a_flat_shape_is_not_its_sheared_axis(hit, kind):
+    # M z = (1, 0, 1) though the plane stays z = 0, whose normal is M^-T z = z.
+    body = shape(kind, to_world='<matrix value="1 0 1  0 1 0  0 0 1"/>')
+    assert near(hit(body, (0.25, 0.25, 3), (0, 0, -1)).n, (0, 0, 1))
+
+
 # ---------------------------------------------------------------------------------------------- cylinder
 TUBE = shape("cylinder", '<point name="p0" value="0,0,-1"/>', '<point name="p1" value="0,0,3"/>',
              '<float name="radius" value="2"/>')  # fmt: skip
