@@ -269,6 +269,22 @@ def test_another_integrator_is_replaced_with_a_message(folder: Path) -> None:
     assert np.load(folder / "path.npy").tobytes() == whole.tobytes()
 
 
+@pytest.mark.parametrize(
+    ("axis", "warned"),
+    [
+        ('x="1"', False),
+        ('x="0.6" z="-0.8"', False),
+        ('value="0.57735027"', False),
+        ('x="1" y="1"', True),
+        ('value="2"', True),
+    ],
+)
+def test_a_rotation_axis_that_is_no_unit_vector_is_warned_of(folder: Path, axis: str, warned: bool) -> None:
+    (folder / "scene.xml").write_text(SCENE.replace('<rotate x="1" angle', f"<rotate {axis} angle"))
+    lines = whitted("render", "scene.xml", "-m", "llvm_ad_rgb", cwd=folder).stderr.splitlines()
+    assert [line.split(": ")[1:3] for line in lines] == [["scene.xml:30", "<rotate>"]] * warned
+
+
 def test_stats_count_pixels_and_rays(folder: Path) -> None:
     lines = whitted("render", "scene.xml", "--grid", "3", "--stats", cwd=folder).stdout.splitlines()
     table = {line[:14].strip(): line[14:].split()[0] for line in lines}

@@ -73,7 +73,7 @@ class Request:
 
         messages = Messages(self.verbosity)
         loaded = load(seen, self.folders, self.defines, sensor)
-        for remark in (None if self.variant else why, loaded.remark):
+        for remark in (None if self.variant else why, loaded.remark, *seen.warnings):
             if remark:
                 click.echo(f"whitted: {remark}", err=True)
         messages.show()

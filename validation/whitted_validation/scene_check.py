@@ -7,6 +7,7 @@ else that can be wrong is left to Mitsuba, which says it well.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import struct
@@ -23,6 +24,7 @@ MAX_INCLUDES = 15  # one inside another, as in Mitsuba
 MAX_TEXT = 1 << 20  # characters of one attribute after $substitution: ten nested tenfold ones would make 1e10
 MAX_PIXELS = 1 << 28  # of a film: 16384 x 16384; the picture alone takes 3 GiB as float32 RGB
 MAX_SAMPLES = 64 * 64  # of a pixel: by then an edge is right to 1/64 of a pixel in both directions
+AXIS_ERROR = 2.0**-22  # of its length: the three components of a unit axis, each rounded to float32, stay below
 
 _NUMBERS = {
     "float": ["value"],
@@ -83,9 +85,12 @@ class Scene:
         The scene file.
     objects
         The elements with a `type`, by file, line and column (from 1) of their tag.
+    warnings
+        What is allowed but hardly meant, a line each.
     """
 
     file: Path
+    warnings: list[str] = field(default_factory=list)
     objects: dict[tuple[str, int, int], Element] = field(default_factory=dict)
 
     def at(self, file: str, line: int, column: int) -> Element | None:
@@ -166,6 +171,7 @@ class _Reader:
             self.scene.objects[str(element.file), element.line, element.column] = element
         else:
             self.check_numbers(element, parent)
+            self.check_axis(element)
             self.follow(element)
 
     def end(self) -> None:
@@ -202,6 +208,20 @@ class _Reader:
                     element.refuse(f"{element.attributes[key]} {meaning}")
                 if parent and parent.tag == "film":
                     self.film[name] = number
+
+    def check_axis(self, element: Element) -> None:
+        """Mitsuba turns about an axis as it stands: one that is not of length 1 also scales and shears."""
+        if element.tag != "rotate":
+            return
+        axis = list(_numbers(element, "value"))
+        if len(axis) == 1:
+            axis *= 3  # one number stands for all three
+        length = math.hypot(*axis, *(number for key in "xyz" for number in _numbers(element, key)))
+        if abs(length - 1) > AXIS_ERROR:
+            place = f"{element.file}:{element.line}: {element}"
+            self.scene.warnings.append(
+                f"{place}: the axis has length {length:.7g}; Mitsuba expects 1 and else distorts"
+            )
 
     def follow(self, element: Element) -> None:
         """Note the file that an element names; read an included one at once, as Mitsuba does."""
