@@ -195,3 +195,26 @@ def test_tree_is_plain_data(load_scene):
     tree = Recorder(load_scene(STILL)).record_ray((0.0, 0.0, 5.0), (0.0, 0.0, -1.0), 0.0, math.inf)
     assert replace(tree.root, k=7).k == 7
     assert Fraction(tree.root.t) == 4
+
+
+@pytest.mark.parametrize(
+    ("texture", "x", "edge"),
+    [
+        ('<texture type="checkerboard" name="reflectance"><float name="color0" value="1"/>'
+         '<float name="color1" value="0"/></texture>', 2.0**-10, 2.0**-11),
+        ('<texture type="checkerboard" name="reflectance"><float name="color0" value="1"/>'
+         '<float name="color1" value="0"/></texture>', 0.0, 0.0),
+        ('<texture type="checkerboard" name="reflectance"><float name="color0" value="1"/><float name="color1" '
+         'value="0"/><transform name="to_uv"><scale x="4" y="1"/></transform></texture>', 0.25 - 2.0**-8, 2.0**-9),
+    ],
+)  # fmt: skip
+def test_flipping_a_texture_edge_shows_the_colour_beyond(load_scene, texture, x, edge):
+    body = f"""<shape type="rectangle" id="floor"><bsdf type="diffuse">{texture}</bsdf></shape>
+      <emitter type="directional"><vector name="direction" value="0,0,-1"/></emitter>"""
+    recorder = Recorder(load_scene(body))
+    ray = ((x, -0.5, 1.0), (0.0, 0.0, -1.0), 0.0, math.inf)
+    tree = recorder.record_ray(*ray)
+    key = Key(0, "texture", "", 0)
+    assert [decision.margin for decision in tree.decisions if decision.key == key] == [edge]
+    other = recorder.record_ray(*ray, frozenset([key]))
+    assert {tree.colour[0], other.colour[0]} == {0.0, 1 / math.pi}

@@ -28,7 +28,13 @@ class Terms:
 
 
 class Material:
-    """One side of a surface: `constant` holds its terms, or None where they vary with uv."""
+    """One side of a surface.
+
+    Attributes
+    ----------
+    constant : its terms, or None where they vary with uv
+    textures : what they vary by
+    """
 
     def __init__(self, material: scene.OneSided, settings: scene.Settings, arithmetic: Arithmetic) -> None:
         sources: tuple[scene.Texture, ...]
@@ -42,6 +48,7 @@ class Material:
         else:
             sources = (material.ambient, material.diffuse, material.specular, material.mirror)
         exponent: scene.Texture = material.exponent if isinstance(material, scene.BlinnPhong) else (1.0, 1.0, 1.0)
+        self.textures = [source for source in (*sources, exponent) if not isinstance(source, tuple)]
         # A term that is switched off is black everywhere.
         lit = any(settings.ambient) and settings.enable_ambient
         switches = (lit, settings.enable_diffuse, settings.enable_specular, settings.enable_mirrors)

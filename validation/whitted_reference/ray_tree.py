@@ -15,8 +15,9 @@ from whitted_reference import scene
 from whitted_reference.arithmetic import FLOAT
 from whitted_reference.lights import Light
 from whitted_reference.margins import margin
-from whitted_reference.materials import Terms
+from whitted_reference.materials import Material, Terms
 from whitted_reference.shapes import Primitive
+from whitted_reference.textures import beyond_nearest_edge
 from whitted_reference.trace import Tracer
 from whitted_reference.vectors import BLACK, WHITE, Colour, Vec
 
@@ -28,7 +29,8 @@ class Key(NamedTuple):
     ----------
     k : the bounce at which it is taken
     what : `seen` (the ray meets the primitive), `nearer` (it meets it before the others), `blocks` (the
-        shadow ray meets it), `facing`, `horizon` or `mirror` (signs of cosines)
+        shadow ray meets it), `facing`, `horizon` or `mirror` (signs of cosines), `texture` (which side of a
+        jump of colour)
     light : id of the light, or empty
     primitive : its index in the scene, or -1
     """
@@ -48,7 +50,7 @@ class Decision:
     kind : for people: `silhouette`, `triangle edge`, `tie`, `horizon`...
     shape : id of the shape that decides, or empty
     margin : distance in world units by which a ray passes an outline or meets one thing before another,
-        or the cosine that is compared with 0
+        or the cosine that is compared with 0, or the distance in uv to a jump of a texture
     """
 
     key: Key
@@ -213,6 +215,16 @@ class Recorder(Tracer):
             direction = arrival[:3] if arrival else (0.0, 0.0, 0.0)
             node.lights.append(LightNode(light.id, direction, x, y, answer))
         return answer
+
+    def textured(self, side: Material, uv: tuple[float, float]) -> Terms:
+        """Do as the tracer, or beyond the nearest jump of a texture's colour."""
+        node = self._stack[-1]
+        edge = beyond_nearest_edge(side.textures, *uv)
+        if edge is not None:
+            key = Key(node.k, "texture", "", node.primitive)
+            if not self._decide(key, "texture edge", node.shape or "", True, edge[0]):
+                uv = edge[1]
+        return super().textured(side, uv)
 
     def reflected(self, terms: Terms, i: Colour, n: Vec, d: Vec, l: Vec, n_l: float) -> Colour:  # noqa: E741
         """Do as the tracer, and keep the result."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 
 from whitted_reference import scene
 from whitted_reference.arithmetic import Arithmetic
@@ -93,6 +94,38 @@ def _bitmap(texture: scene.Bitmap, arithmetic: Arithmetic) -> Evaluate:
         return red, green, blue
 
     return bilinear if texture.bilinear else nearest
+
+
+def beyond_nearest_edge(
+    textures: Sequence[scene.Texture], u: float, v: float
+) -> tuple[float, tuple[float, float]] | None:
+    """Return how far in uv the closest jump of colour is, and a (u, v) as far on its other side.
+
+    Checkerboards jump at halves, bitmaps without interpolation between texels; others do not jump.
+    """
+    found: list[tuple[float, tuple[float, float]]] = []
+    for texture in textures:
+        if isinstance(texture, scene.Checkerboard):
+            cells = (2.0, 2.0)
+            inner = beyond_nearest_edge((texture.color0, texture.color1), u, v)
+            found += [inner] if inner else []
+        elif isinstance(texture, scene.Bitmap) and not texture.bilinear:
+            cells = (float(texture.width), float(texture.height))
+        else:
+            continue
+        for (a, b, offset), count in zip(texture.to_uv, cells, strict=True):
+            steepness = a * a + b * b
+            if steepness == 0.0:
+                continue
+            x = (a * u + b * v + offset) * count
+            off = x - round(x)
+            # Exactly on an edge step over it by what double precision can tell apart: down, but up from
+            # the halves of a checkerboard, which belong to the cell below.
+            half = isinstance(texture, scene.Checkerboard) and round(x) % 2 == 1
+            step = -2.0 * off or (2.0**-40 if half else -(2.0**-40))
+            move = step / count / steepness
+            found.append((abs(off) / count / math.sqrt(steepness), (u + move * a, v + move * b)))
+    return min(found, default=None)
 
 
 def _decoded(byte: int, srgb: bool, arithmetic: Arithmetic) -> Number:

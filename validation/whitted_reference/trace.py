@@ -130,7 +130,7 @@ class Tracer:
         if k + 2 > max_depth:
             return red, green, blue
 
-        terms = side.constant or side.at(*primitive.uv(e, d, t, p))
+        terms = side.constant or self.textured(side, primitive.uv(e, d, t, p))
         if terms.ambient is not None:
             k_a, i_a = terms.ambient, self._ambient
             red += k_a[0] * i_a[0]
@@ -178,6 +178,10 @@ class Tracer:
         """
         both: bool = x > 0 and y > 0
         return both
+
+    def textured(self, side: Material, uv: tuple[Number, Number]) -> Terms:
+        """Return the coefficients at surface coordinates (u, v)."""
+        return side.at(*uv)
 
     def reflected(self, terms: Terms, i: Colour, n: Vec, d: Vec, l: Vec, n_l: Number) -> Colour:  # noqa: E741
         """Return k_d I (n.l) + k_s I max(0, n.h)^exponent."""
