@@ -109,6 +109,15 @@ def test_normal_is_given_or_newells_or_of_the_first_corner(meets, vertices, extr
     assert meets(body, -1.5, 0.25)[1:] == (0, 0, z)
 
 
+def test_polygon_behind_the_eye_or_beyond_the_light_is_not_met(eye):
+    floor = polygon(SQUARE, '<bsdf type="blinnphong"/>')
+    roof = polygon(SQUARE, '<bsdf type="blinnphong"/>', '<translate z="3"/>').replace('id="it"', 'id="roof"')
+    lamp = """<emitter type="point"><point name="position" value="0.5,0.25,2"/>
+      <float name="intensity" value="4"/></emitter>"""
+    assert eye(floor + roof + lamp).sees((0.5, 0.25, 1), (0, 0, -1), 0.5)
+    assert eye(floor + roof + lamp).sees((0.5, 0.25, 5), (0, 0, -1), 0)
+
+
 def test_projection_follows_the_largest_component_of_the_normal(meets, load_scene):
     # A square in the plane x = 1, seen along x; projected along z or y it would have no area.
     body = polygon("1,-2,-2 1,2,-2 1,2,2 1,-2,2")

@@ -338,6 +338,24 @@ def test_instance_makes_an_ellipsoid(hit):
     assert near([seen.t, *seen.n], [4.2, 3 / 20 / length, 0, 4 / 5 / length], 2.0**-48)  # 2.4 is rounded
 
 
+def test_instance_keeps_distances_along_the_ray(hit):
+    assert near([hit(GROUP.format('<scale x="1" y="1" z="4"/>'), (0, 0, 9), (0, 0, -1)).t], [5])
+    # From inside, the far side; and again for a ray that leaves the near side (see the mirror ball).
+    assert near([hit(GROUP.format('<scale value="4"/>'), (0, 0, 0), (0, 0, -1)).t], [4])
+
+
+def test_mesh_in_a_mirrored_instance_keeps_its_normals_on_its_outside(hit, ply):
+    # M^-T of (0.5, 0, 1) under z -> -z is (0.5, 0, -1); the face's winding must follow that side.
+    rows = [(-4, -4, 0, 0.5, 0, 1), (4, -4, 0, 0.5, 0, 1), (0, 4, 0, 0.5, 0, 1)]
+    files = {"m.ply": ply(rows, [(0, 1, 2)], ("x", "y", "z", "nx", "ny", "nz"))}
+    group = GROUP.replace('<shape type="sphere" id="ball"/>', mesh())
+    seen = hit(
+        group.replace('id="it"><ref', 'id="place"><ref').format('<scale z="-1"/>'), (0, 0, -3), (0, 0, 1), files=files
+    )
+    assert near(seen.n_g, (0, 0, -1))
+    assert near(seen.n, (0.5 / math.sqrt(1.25), 0, -1 / math.sqrt(1.25)), 2.0**-50)
+
+
 @pytest.mark.parametrize("to_world", ["", MIRROR_X, '<scale value="-2"/>'])
 def test_mirrored_instance_stays_outward(hit, to_world):
     seen = hit(GROUP.format(to_world), (0, 0, 9), (0, 0, -1))
