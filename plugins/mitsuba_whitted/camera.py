@@ -11,6 +11,7 @@ import numpy as np
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.scene_graph import Node, Stamp, number, read, recorder
 from mitsuba_whitted.tables import opaque
+from mitsuba_whitted.transforms import matrix_of
 
 SCALE_TOLERANCE = 1e-3
 """How far from 1 the scale of a camera's to_world may be: Mitsuba measures its clip planes in camera units."""
@@ -73,9 +74,7 @@ class Camera:
     def _affine_map(self) -> tuple[Any, ...]:
         """Constants of the direction, or of the origin, as an affine function of the position on the film."""
         name = f"sensor `{self._sensor.id()}`"
-        matrix = np.array(self._read("to_world").matrix, float).reshape(4, 4)
-        if not np.all(np.isfinite(matrix)) or np.linalg.det(matrix[:3, :3]) == 0:
-            raise SceneError(f"{name}: to_world is singular or not finite; it must be invertible")
+        matrix = matrix_of(self._read("to_world"), name)
         scales = np.linalg.norm(matrix[:3, :3], axis=0)
         if self.kind == "PerspectiveCamera" and np.any(np.abs(scales - 1) > SCALE_TOLERANCE):
             raise SceneError(f"{name}: to_world scales by {scales.tolist()}; allowed is a scale of 1")

@@ -8,9 +8,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.scene_graph import SceneGraph
 from mitsuba_whitted.tables import column, fetch, index_column
+from mitsuba_whitted.transforms import matrix_of
 
 
 class Placement(NamedTuple):
@@ -51,7 +51,8 @@ class Instances:
     def __init__(self, graph: SceneGraph, shapes: list[mi.Shape]) -> None:
         self._row_of_shape = _ByObject(shapes)
         self._row_of_instance = _ByObject(graph.instances, first=1)
-        matrices = [np.eye(4), *(_matrix(graph, instance) for instance in graph.instances)]
+        placed = [matrix_of(graph.value(each, "to_world"), f"instance `{each.id()}`") for each in graph.instances]
+        matrices = [np.eye(4), *placed]
         self._to_world = column(matrix[:3].ravel() for matrix in matrices)
         self._to_local = column(np.linalg.inv(matrix)[:3].ravel() for matrix in matrices)
 
@@ -88,9 +89,3 @@ class _ByObject:
             return self._rows.get(shape, 0)
         return fetch(mi.UInt32, self._rows, dr.reinterpret_array(mi.UInt32, shape), active)
 
-
-def _matrix(graph: SceneGraph, instance: mi.Shape) -> Any:
-    matrix = np.array(graph.value(instance, "to_world").matrix, float).reshape(4, 4)
-    if not np.all(np.isfinite(matrix)) or np.linalg.det(matrix[:3, :3]) == 0:
-        raise SceneError(f"instance `{instance.id()}`: to_world is singular or not finite; it must be invertible")
-    return matrix

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 from typing import Any
 
 import drjit as dr
@@ -105,7 +104,6 @@ def define() -> type[mi.SamplingIntegrator]:
             self._stage: Stage | None = None
             self._camera: Camera | None = None
             self._told: set[str] = set()
-            self._preparing = threading.Lock()
 
         def render(  # type: ignore[override]  # one signature where Mitsuba's stub has two
             self,
@@ -163,10 +161,10 @@ def define() -> type[mi.SamplingIntegrator]:
         ) -> tuple[Any, Any, list[Any]]:
             """Follow a single ray, for integrators such as `aov` that wrap another; the sampler is not asked.
 
-            Scalar variants come here once a sample, from many threads: there, only `render` looks for edits.
+            Scalar variants come here once a sample: there, only `render` looks for edits. They must do it from
+            a single thread, since Mitsuba takes a second call of the same object for a call of its base class.
             """
-            with self._preparing:
-                stage, plan = self._prepare(scene, edits=bool(dr.is_jit_v(mi.Float)))
+            stage, plan = self._prepare(scene, edits=bool(dr.is_jit_v(mi.Float)))
             d = dr.normalize(ray.d)
             traced = trace(stage, plan, Rays(ray.o, d, mi.Vector3f(0), ray.maxt), active)
             return traced.colour, traced.hit, []
@@ -231,7 +229,9 @@ def define() -> type[mi.SamplingIntegrator]:
 def _settings(props: Any) -> Settings:
     """Read and check the parameters of the integrator."""
     name = f"integrator `{props.id()}`"
-    max_depth = int(props.get("max_depth", 10))
+    max_depth = props.get("max_depth", 10)
+    if not isinstance(max_depth, int) or isinstance(max_depth, bool):
+        raise SceneError(f"{name}: max_depth is {max_depth}; allowed is an <integer>")
     if max_depth < -1:
         raise SceneError(f"{name}: max_depth {max_depth} is out of range; allowed are -1 and above")
     falloff = str(props.get("falloff", "inverse_square"))

@@ -14,6 +14,7 @@ from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.materials import constant
 from mitsuba_whitted.scene_graph import SceneGraph, number
 from mitsuba_whitted.tables import column, fetch, opaque
+from mitsuba_whitted.transforms import matrix_of
 
 UNROLL = 16
 """Up to so many lights of a kind stand in the kernel one by one; beyond, it loops, to compile in bounded time."""
@@ -97,7 +98,7 @@ def lights_of(graph: SceneGraph) -> list[Lights]:
             name, read = _READERS[kind]
             row, colour = read(graph, emitter)
             if not np.all(np.isfinite(row)):
-                raise SceneError(f"emitter `{emitter.id()}`: position or to_world is singular or not finite")
+                raise SceneError(f"emitter `{emitter.id()}`: its position or angles {row} are not finite")
             rows.setdefault(name, []).append(row)
             radiant.setdefault(name, []).append(colour)
     return [Lights(name, rows[name], radiant[name]) for name in rows]
@@ -111,14 +112,13 @@ def lights_nothing(graph: SceneGraph) -> list[str]:
 
 
 def _directional(graph: SceneGraph, emitter: mi.Emitter) -> tuple[list[float], list[float]]:
-    direction = _linear(graph, emitter)[:, 2]
-    with np.errstate(invalid="ignore"):
-        return [*(-direction / np.linalg.norm(direction))], _colour(graph, emitter, "irradiance")
+    direction = _matrix(graph, emitter)[:3, 2]
+    return [*(-direction / np.linalg.norm(direction))], colour_of(graph, emitter, "irradiance")
 
 
 def _point(graph: SceneGraph, emitter: mi.Emitter) -> tuple[list[float], list[float]]:
     position = np.array(graph.value(emitter, "position"), float).ravel()
-    return [*position], _colour(graph, emitter, "intensity")
+    return [*position], colour_of(graph, emitter, "intensity")
 
 
 def _spot(graph: SceneGraph, emitter: mi.Emitter) -> tuple[list[float], list[float]]:
@@ -126,12 +126,10 @@ def _spot(graph: SceneGraph, emitter: mi.Emitter) -> tuple[list[float], list[flo
     if projected is not None and constant(projected) is None:  # Mitsuba itself ignores a constant one
         raise SceneError(f"emitter `{emitter.id()}`: a spot light that projects a texture is not handled")
     matrix = _matrix(graph, emitter)
-    if np.linalg.det(matrix[:3, :3]) == 0:
-        raise SceneError(f"emitter `{emitter.id()}`: to_world is singular; it must be invertible")
     cutoff, beam = (np.deg2rad(number(graph.value(emitter, name))) for name in ("cutoff_angle", "beam_width"))
     slope = 1 / (cutoff - beam) if cutoff > beam else 0.0
     to_local = np.linalg.inv(matrix[:3, :3])
-    return [*matrix[:3, 3], *to_local.ravel(), cutoff, beam, slope], _colour(graph, emitter, "intensity")
+    return [*matrix[:3, 3], *to_local.ravel(), cutoff, beam, slope], colour_of(graph, emitter, "intensity")
 
 
 _READERS: dict[str, tuple[str, Callable[[SceneGraph, mi.Emitter], tuple[list[float], list[float]]]]] = {
@@ -141,7 +139,8 @@ _READERS: dict[str, tuple[str, Callable[[SceneGraph, mi.Emitter], tuple[list[flo
 }
 
 
-def _colour(graph: SceneGraph, emitter: mi.Emitter, name: str) -> list[float]:
+def colour_of(graph: SceneGraph, emitter: mi.Emitter, name: str) -> list[float]:
+    """Read a colour of an emitter, and refuse one that is not finite, negative or not the same everywhere."""
     texture = graph.child(emitter, name)
     colour = None if texture is None else constant(texture)
     if colour is None:
@@ -152,8 +151,4 @@ def _colour(graph: SceneGraph, emitter: mi.Emitter, name: str) -> list[float]:
 
 
 def _matrix(graph: SceneGraph, emitter: mi.Emitter) -> Any:
-    return np.array(graph.value(emitter, "to_world").matrix, float).reshape(4, 4)
-
-
-def _linear(graph: SceneGraph, emitter: mi.Emitter) -> Any:
-    return _matrix(graph, emitter)[:3, :3]
+    return matrix_of(graph.value(emitter, "to_world"), f"emitter `{emitter.id()}`")

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
-from mitsuba_whitted.lights import lights_nothing, lights_of
+from mitsuba_whitted.errors import SceneError
+from mitsuba_whitted.lights import colour_of, lights_nothing, lights_of
 from mitsuba_whitted.materials import Coefficient, Materials, Scaled
 from mitsuba_whitted.scene_graph import SceneGraph
 from mitsuba_whitted.surfaces import Surfaces
@@ -20,6 +21,9 @@ UNLIMITED_LAST_RAY = 1024
 
 UNLIMITED_LEAST_THROUGHPUT = 2.0**-24
 """With max_depth = -1 no mirror is followed that passes less of every channel: the definition's own limit."""
+
+LARGEST = float(np.finfo(np.float32).max)
+"""Radiance has no other limit than that it is finite."""
 
 _NO_LIMIT = 2**32 - 1
 
@@ -91,8 +95,21 @@ class Stage:
         self.materials = Materials(graph)
         self.lights = lights_of(graph)
         self.environment: Any = graph.environment
-        self.emission = Coefficient(mi.Spectrum, [_radiance(graph, s) for s in graph.all_shapes], "radiance", math.inf)
+        _check_background(graph)
+        self.emission = Coefficient(mi.Spectrum, [_radiance(graph, s) for s in graph.all_shapes], "radiance", LARGEST)
         self.lights_nothing = lights_nothing(graph)
+
+
+def _check_background(graph: SceneGraph) -> None:
+    """Refuse a background that holds a negative or no number."""
+    sky = graph.environment
+    if sky is None:
+        return
+    if sky.class_name() == "ConstantBackgroundEmitter":
+        colour_of(graph, sky, "radiance")
+    picture = np.array(graph.value(sky, "data")) if "data" in graph.nodes[sky].values else np.zeros(1)
+    if not np.isfinite(picture).all():
+        raise SceneError(f"emitter `{sky.id()}`: a pixel of its picture is not finite; every one must be")
 
 
 def _radiance(graph: SceneGraph, shape: mi.Shape) -> tuple[str, Scaled | None]:

@@ -16,6 +16,7 @@ from mitsuba_whitted.instances import Instances
 from mitsuba_whitted.meshes import Meshes
 from mitsuba_whitted.scene_graph import SceneGraph
 from mitsuba_whitted.tables import column, fetch, index_column, opaque
+from mitsuba_whitted.transforms import matrix_of
 
 Vector = NDArray[np.float64]
 
@@ -38,6 +39,12 @@ class Kind(IntEnum):
 PLANES = {Kind.RECTANGLE, Kind.DISK}
 
 _KINDS = {"Rectangle": Kind.RECTANGLE, "Disk": Kind.DISK, "Sphere": Kind.SPHERE, "Cylinder": Kind.CYLINDER}
+
+_PLACED_BY = {
+    Kind.SPHERE: "its to_world, with center and radius,",
+    Kind.CYLINDER: "its to_world, with p0, p1 and radius,",
+}
+"""What Mitsuba folds into to_world."""
 
 
 class Hit(NamedTuple):
@@ -213,16 +220,13 @@ def _row(graph: SceneGraph, shape: mi.Shape) -> _Row:
         return _Row(kind, zero, zero, 0.0, flipped, reach, np.zeros((3, 3)))
 
     to_world = graph.value(shape, "to_world")
-    matrix = np.array(to_world.matrix, float).reshape(4, 4)
+    matrix = matrix_of(to_world, f"shape `{shape.id()}`", _PLACED_BY.get(kind, "to_world"))
     linear, origin = matrix[:3, :3], matrix[:3, 3]
-    determinant = np.linalg.det(linear)
-    if not np.all(np.isfinite(matrix)) or determinant == 0:
-        raise SceneError(f"shape `{shape.id()}`: to_world is singular or not finite; it must be invertible")
     to_local = np.linalg.inv(linear)
 
     radius = float(np.linalg.norm(linear[:, 0]))
     inverse_transpose = np.array(to_world.inverse_transpose, float).reshape(4, 4)
     normal = inverse_transpose[:3, 2] if kind in PLANES else linear[:, 2]
-    if kind == Kind.CYLINDER and determinant < 0:
+    if kind == Kind.CYLINDER and np.linalg.det(linear) < 0:
         flipped = -flipped  # Mitsuba notes the mirror as a flip, to keep the normal outward
     return _Row(kind, origin, normal / np.linalg.norm(normal), radius, flipped, reach, to_local)
