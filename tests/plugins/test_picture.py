@@ -16,6 +16,7 @@ HALF = '<bsdf type="blinnphong"><float name="diffuse_reflectance" value="0.5"/><
 MIRROR = """<bsdf type="blinnphong"><float name="diffuse_reflectance" value="0"/>
   <float name="mirror_reflectance" value="0.5"/></bsdf>"""
 GLOW = '<emitter type="area"><float name="radiance" value="2"/></emitter>'
+TEXTBOOK = '<string name="falloff" value="none"/>'
 NEAR = 2.0**-10
 """Distance to a boundary, relative to the sizes around it, below which a picture would be no good test. It is
 256 times the 64 u by which the rounding model moves a ray."""
@@ -216,6 +217,45 @@ def test_a_flat_mirror_shows_things_as_far_behind_it_as_they_are_in_front(any_rg
     picture = see(wall(4, MIRROR) + ball((1, -2, -3), 2, GLOW), size=(size, size))
     seen = decided(miss_distance(0, directions(size, size), [1, -2, 11]), 2.0)
     assert np.array_equal(picture, np.where(seen[..., None], np.full(3, 1.0), 0))
+
+
+def test_a_flat_mirror_shows_each_point_where_the_law_of_reflection_puts_it(any_rgb, see, agree, directions):
+    # The wall z = -4 behind the camera, n = (0, 0, 1), is lit from (1, 2, 0) at constant strength; it appears in
+    # z = 12, lit from (1, 2, 8): n.l = 4 / r there.
+    behind = f"""<shape type="rectangle" id="behind"><transform name="to_world"><scale value="64"/>
+      <translate z="-4"/></transform>{HALF}</shape>"""
+    image_of_lamp = np.array([1.0, 2.0, 8.0])
+
+    def colour(d):
+        r = np.linalg.norm(12 / d[..., 2:] * d - image_of_lamp, axis=-1, keepdims=True)
+        return np.repeat(0.5 * 0.5 * 4 / r, 3, axis=-1)
+
+    d = directions(9, 9) * [0.25, 0.25, 1]
+    narrow = fov(2 * np.degrees(np.arctan(0.25)))
+    d = unit(d)
+    picture = see(wall(4, MIRROR) + behind + bulb((1, 2, 0)), TEXTBOOK, (9, 9), narrow)
+    # t <= 12.8, r >= 4 and at most 7.2: 1 / (n.l) + 3 t / r <= 1.8 + 9.6
+    agree(picture, colour, d, condition=12, hits=2)
+
+
+def test_a_mirror_ball_shows_each_point_where_the_law_of_reflection_puts_it(any_rgb, see, agree, directions):
+    # The same wall in the ball of radius 1 around (0, 0, 4), near its middle.
+    behind = f"""<shape type="rectangle" id="behind"><transform name="to_world"><scale value="64"/>
+      <translate z="-4"/></transform>{HALF}</shape>"""
+    centre, lamp = np.array([0.0, 0.0, 4.0]), np.array([1.0, 2.0, 0.0])
+
+    def colour(d):
+        t, n = on_ball(d, centre, 1)
+        reflected = d - 2 * dot(d, n) * n
+        p = t * d + (-4 - t * d[..., 2:]) / reflected[..., 2:] * reflected
+        return np.repeat(0.5 * 0.5 * 4 / np.linalg.norm(p - lamp, axis=-1, keepdims=True), 3, axis=-1)
+
+    tan = 1 / 16
+    d = unit(directions(8, 8) * [tan, tan, 1])
+    picture = see(ball(centre, 1, MIRROR) + behind + bulb(lamp), TEXTBOOK, (8, 8), fov(2 * np.degrees(np.arctan(tan))))
+    # A normal that is 64 u off equals a ray that is 64 u r / t < 64 u off: hits = 3. From 3.2 to 7.8 units of path
+    # to the wall, t <= 12 in all, 4 <= r <= 8: 1 / (n.l) + 3 t / r <= 2 + 9.
+    agree(picture, colour, d, condition=11, hits=3)
 
 
 def test_two_mirrors_in_a_corner_show_the_image_through_the_edge(any_rgb, see, directions):
