@@ -33,6 +33,22 @@ def test_certain_pixels_agree_with_forty_digits(path):
     assert sum(certificate.flag is None for certificate in certificates) >= least * PIXELS
 
 
+def test_rays_that_spread_from_bounce_to_bounce_are_flagged(tmp_path):
+    # Two mirror balls side by side: what is seen in one of the other of the one ... is ever less certain.
+    path = tmp_path / "scene.xml"
+    path.write_text("""<scene version="3.0.0"><integrator type="whitted"/><sensor type="perspective"/>
+      <shape type="sphere"><point name="center" value="-1.01,0,6"/><bsdf type="conductor"/></shape>
+      <shape type="sphere"><point name="center" value="1.01,0,6"/><bsdf type="conductor"/></shape>
+      <shape type="rectangle"><transform name="to_world"><scale x="50" y="50" z="-1"/><translate z="9"/></transform>
+        <bsdf type="blinnphong"/></shape><emitter type="constant"/>
+      <emitter type="point"><point name="position" value="1,2,3"/></emitter></scene>""")
+    scene = resized(load(path), 64, 64)
+    prover = Prover(scene)
+    flags = [prover.pixel(x, 31).flag for x in range(64)]
+    assert any(flag is not None and flag.startswith("ill-conditioned") for flag in flags)
+    assert any(flag is None for flag in flags)
+
+
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_hierarchy_changes_no_bit(path):
     scene = resized(load(path), 20, 15)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
+import sys
 from array import array
 from pathlib import Path
 
@@ -75,8 +76,15 @@ def exr_bytes(picture: Picture) -> bytes:
     line = 12 * width
     start = len(header) + 8 * height
     offsets = b"".join(struct.pack("<Q", start + y * (line + 8)) for y in range(height))
+
+    def plane(values: list[float]) -> bytes:
+        numbers = array("f", values)  # beyond single precision becomes infinite
+        if sys.byteorder == "big":
+            numbers.byteswap()
+        return numbers.tobytes()
+
     lines = b"".join(
-        struct.pack("<iI", y, line) + b"".join(array("f", row[c::3]).tobytes() for c in (2, 1, 0))
+        struct.pack("<iI", y, line) + b"".join(plane(row[c::3]) for c in (2, 1, 0))
         for y, row in enumerate(picture.rows)
     )
     return header + offsets + lines
