@@ -6,11 +6,10 @@ and leaves out only what is certain to be missed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from whitted_reference.arithmetic import Arithmetic
-from whitted_reference.intervals import Undecided
 from whitted_reference.shapes import Box, Primitive
 from whitted_reference.vectors import Number, Vec
 
@@ -20,8 +19,8 @@ FEW = 8  # up to so many primitives are simply all asked: a hierarchy would not 
 # Boxes are widened by this share of the largest coordinate in the scene, the eye's included. A corner's
 # distance along the ray and the distance of a hit are each off by a few 2^-53 of that: a factor of 2^7.
 PADDING = 2.0**-44
-# Where numbers are only known to lie close to a float, boxes are widened more, and a ray that is known no
-# better than half of that is not traced: it could not give a colour to 10^-12 anyway.
+# Where numbers are only known to lie close to a float, boxes are widened more; a ray that is known no
+# better than half of that is tried on all primitives.
 WIDE_PADDING = 2.0**-36
 
 Found = tuple[Number, int, Primitive]  # distance, place in the scene's order, primitive
@@ -84,6 +83,7 @@ class Hierarchy:
 
     def __init__(self, primitives: Sequence[Primitive], arithmetic: Arithmetic, reach: float) -> None:
         """Build over primitives; `reach` bounds the coordinates of the eyes outside the boxes."""
+        self._primitives = tuple(primitives)
         self._approximate = arithmetic.approximate
         self._spread = arithmetic.spread
         self._stretch = 1 + arithmetic.closeness
@@ -100,8 +100,7 @@ class Hierarchy:
         approximate, stretch = self._approximate, self._stretch
         found: list[Found] = []
         limit = [approximate(end)]
-        self._check(e, d)
-        for primitive in self._near(e, d, limit):
+        for primitive in self._candidates(e, d, limit):
             if primitive is leaving:
                 t = primitive.again(ex, ey, ez, dx, dy, dz, start, end)
             else:
@@ -120,8 +119,7 @@ class Hierarchy:
         stretch = self._stretch
         limit = end * stretch
         close = None
-        self._check(e, d)
-        for primitive in self._near(e, d, [self._approximate(limit)]):
+        for primitive in self._candidates(e, d, [self._approximate(limit)]):
             if primitive is leaving:
                 t = primitive.again(ex, ey, ez, dx, dy, dz, start, limit)
             else:
@@ -132,12 +130,14 @@ class Hierarchy:
                     break
         return close
 
-    def _check(self, e: Vec, d: Vec) -> None:
-        """Refuse a ray that is not known well enough; no point of a box is farther than 4 reach."""
+    def _candidates(self, e: Vec, d: Vec, limit: list[float]) -> Iterable[Primitive]:
+        """Return what the ray can meet; all primitives for a ray that is not known well enough."""
         if self._spread is not None:
+            # No point of a box is farther than 4 reach.
             off = max(map(self._spread, e)) + 4.0 * self._reach * max(map(self._spread, d))
             if not off <= 0.5 * self._slack:
-                raise Undecided(f"ray known to {off:.1e} only")
+                return self._primitives
+        return self._near(e, d, limit)
 
     def _near(self, e: Vec, d: Vec, limit: list[float]) -> Iterator[Primitive]:
         """Yield the primitives of all leaves that the ray meets before limit[0], which may shrink."""
