@@ -369,13 +369,13 @@ def test_a_checkerboard_changes_where_the_fraction_passes_one_half(any_rgb, see)
     # u = (1 + x') / 2 over the rectangle, x' its own axis, which a turn by 180 degrees about y sends to -x; the film
     # spans it exactly; v likewise upwards. Mitsuba: both fractions above 1/2, or neither, show color0.
     board = """<bsdf type="blinnphong"><texture type="checkerboard" name="diffuse_reflectance">
-      <rgb name="color0" value="0.25"/><rgb name="color1" value="0.75"/><transform name="to_uv"><scale x="2" y="2"/>
+      <rgb name="color0" value="0.25"/><rgb name="color1" value="0.75"/><transform name="to_uv"><scale x="2" y="1"/>
       </transform></texture></bsdf>"""
     one = wall(4, board).replace("64", "1")
     size = 8
     s = 1 - 2 * (np.arange(size) + 0.5) / size
     x, y = np.meshgrid(s, s)
-    u, v = (1 - x) / 2 * 2, (1 + y) / 2 * 2
+    u, v = (1 - x) / 2 * 2, (1 + y) / 2
     same = (u % 1 > 0.5) == (v % 1 > 0.5)
     picture = see(one + sun((0, 0, -1)), size=(size, size), sensor=ORTHOGRAPHIC)
     assert np.array_equal(picture[..., 0], np.where(same, 0.25, 0.75))
@@ -429,7 +429,7 @@ def inside(kind, parameters, size=(4, 4)):
     )
 
 
-def test_aov_adds_its_channels_to_the_picture(llvm_ad_rgb):
+def test_aov_adds_its_channels_to_the_picture(any_rgb):
     # Mitsuba sends random rays here; ambient and diffuse are the same for all of them, the highlight is left below 1.
     scene = inside("aov", '<string name="aovs" value="dist:depth, n:sh_normal"/>')
     picture = np.array(mi.render(scene, spp=4))
@@ -440,7 +440,7 @@ def test_aov_adds_its_channels_to_the_picture(llvm_ad_rgb):
     assert np.array_equal(picture[..., 4:], np.broadcast_to([0, 0, -1], (4, 4, 3)))
 
 
-def test_moment_squares_the_picture(llvm_ad_rgb):
+def test_moment_squares_the_picture(any_rgb):
     picture = np.array(mi.render(inside("moment", ""), spp=4))
     first = picture[..., :3]
     assert np.all(first > 0.5 * 0.125 + 0.5 * 2)

