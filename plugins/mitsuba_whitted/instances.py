@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_whitted.scene_graph import SceneGraph
-from mitsuba_whitted.tables import column, fetch, index_column
+from mitsuba_whitted.tables import column, fetch
 from mitsuba_whitted.transforms import matrix_of
 
 
@@ -42,50 +42,19 @@ class Placement(NamedTuple):
 
 
 class Instances:
-    """The instances of a scene, and which shape of its group a ray has met.
+    """Transforms of the instances of a scene, by their number counted from 1; 0 is no instance."""
 
-    Mitsuba tells a hit on an instance by the number of the shape inside a group that it does not name; only
-    the full intersection record has the shape itself. So scenes with instances, and only they, pay for it.
-    """
-
-    def __init__(self, graph: SceneGraph, shapes: list[mi.Shape]) -> None:
-        self._row_of_shape = _ByObject(shapes)
-        self._row_of_instance = _ByObject(graph.instances, first=1)
+    def __init__(self, graph: SceneGraph) -> None:
         placed = [matrix_of(graph.value(each, "to_world"), f"instance `{each.id()}`") for each in graph.instances]
         matrices = [np.eye(4), *placed]
         self._to_world = column(matrix[:3].ravel() for matrix in matrices)
         self._to_local = column(np.linalg.inv(matrix)[:3].ravel() for matrix in matrices)
 
-    def shape_of(self, pi: mi.PreliminaryIntersection3f, ray: mi.Ray3f, active: Any) -> Any:
-        """Row of the shape that was hit."""
-        si = pi.compute_surface_interaction(ray, +mi.RayFlags.Minimal, active)
-        return self._row_of_shape(si.shape, active)
-
-    def placement(self, pi: mi.PreliminaryIntersection3f, active: Any) -> Placement:
-        """Transform of the instance that was hit."""
-        row = self._row_of_instance(pi.instance, active)
-        return Placement(self._rows(self._to_world, row, active), self._rows(self._to_local, row, active))
+    def placement(self, instance: Any, active: Any) -> Placement:
+        """Transform of the instance with this number."""
+        return Placement(self._rows(self._to_world, instance, active), self._rows(self._to_local, instance, active))
 
     @staticmethod
     def _rows(table: Any, row: Any, active: Any) -> tuple[Any, Any, Any]:
         x, y, z = (fetch(mi.Vector4f, table, 3 * row + i, active) for i in range(3))
         return x, y, z
-
-
-class _ByObject:
-    """From a shape in a kernel to its row in our tables, 0 for none."""
-
-    def __init__(self, shapes: list[mi.Shape], first: int = 0) -> None:
-        if not dr.is_jit_v(mi.Float):
-            self._rows: Any = {shape: first + i for i, shape in enumerate(shapes)}
-            return
-        registry: list[int] = [np.array(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape)))[0] for shape in shapes]
-        rows = np.zeros(max(registry) + 1, np.uint32)
-        rows[registry] = np.arange(first, first + len(shapes))
-        self._rows = index_column([rows])
-
-    def __call__(self, shape: Any, active: Any) -> Any:
-        if not dr.is_jit_v(mi.Float):
-            return self._rows.get(shape, 0)
-        return fetch(mi.UInt32, self._rows, dr.reinterpret_array(mi.UInt32, shape), active)
-

@@ -56,11 +56,11 @@ class Meshes:
         if self._has_texcoords:
             self._texcoords = stored(mi.Float, np.concatenate([part.padded(part.texcoords, 2) for part in meshes]))
 
-    def hit(self, pi: mi.PreliminaryIntersection3f, o: Any, d: Any, shape: Any, with_uv: bool, active: Any) -> MeshHit:
-        """Compute the hit on triangle ``pi.prim_index`` of mesh `shape` by the ray from `o` along `d`."""
+    def hit(self, face: Any, o: Any, d: Any, shape: Any, with_uv: bool, active: Any) -> MeshHit:
+        """Compute the hit on triangle number `face` of mesh `shape` by the ray from `o` along `d`."""
         row = fetch(mi.Vector4u, self._rows, shape, active)
         flags = row.y
-        face = row.x + pi.prim_index
+        face = row.x + face
         corner = fetch(mi.Vector3u, self._faces, face, active)
         n_g = fetch(mi.Normal3f, self._face_normals, face, active)
         v0 = fetch(mi.Point3f, self._positions, corner.x, active)
@@ -103,6 +103,8 @@ class _Part:
         self.normals = _buffer(graph, mesh, "vertex_normals", np.float32, 3)
         self.texcoords = _buffer(graph, mesh, "vertex_texcoords", np.float32, 2)
         self.faces = _buffer(graph, mesh, "faces", np.uint32, 3)
+        if not len(self.faces):
+            raise SceneError(f"shape `{mesh.id()}`: has no triangle; a mesh must have one")
         for name in ("positions", "normals", "texcoords"):
             wrong = np.flatnonzero(~np.isfinite(getattr(self, name)).all(axis=1))
             if len(wrong):
@@ -135,8 +137,6 @@ class _Part:
 
         Mitsuba computes the normals anew when vertices are edited, but not that of the first, which has no face.
         """
-        if not len(self.faces):
-            return
         a, n = self.positions[0].astype(np.float64), self.normals[self.faces[0, 0]].astype(np.float64)
         n /= np.linalg.norm(n)
         off = (self.positions - a) @ n

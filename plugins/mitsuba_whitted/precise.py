@@ -51,7 +51,15 @@ def sphere_normal(o: Any, d: Any, c: Any, r: Any, t: Any) -> Any:
     foot = dr.fma(b, d, oc) + oc_error
     foot = dr.fma(-dr.dot(foot, d), d, foot)
     half_chord = dr.sqrt(dr.maximum(r * r - dr.squared_norm(foot), LEAST_COSINE**2 * r * r))
-    return dr.normalize(dr.fma(dr.select(t < b, -half_chord, half_chord), d, foot))
+    return dr.normalize(dr.fma(dr.select(_is_near(t, b, r), -half_chord, half_chord), d, foot))
+
+
+def _is_near(t: Any, b: Any, r: Any) -> Any:
+    """Whether `t` is the nearer of the two hits about the foot at `b`; the nearer too where they are as good as one.
+
+    Both numbers carry a few u of themselves, and near the outline the two hits are closer than that.
+    """
+    return t < b + LEAST_COSINE * (r + dr.abs(b))
 
 
 def cylinder_point(o: Any, d: Any, a: Any, axis: Any, r: Any, t: Any) -> tuple[Any, Any]:
@@ -67,7 +75,7 @@ def cylinder_point(o: Any, d: Any, a: Any, axis: Any, r: Any, t: Any) -> tuple[A
     foot = dr.fma(b, d_across, o_across)
     foot = dr.fma(-dr.dot(foot, d_across) * inv_d2, d_across, foot)
     half_chord = dr.sqrt(dr.maximum(r * r - dr.squared_norm(foot), LEAST_COSINE**2 * r * r) * inv_d2)
-    step = dr.select(t < b, -half_chord, half_chord)
+    step = dr.select(_is_near(t, b, r), -half_chord, half_chord)
     across = dr.fma(step, d_across, foot)
     n = dr.normalize(dr.fma(-dr.dot(across, axis), axis, across))
     height = dr.fma(b + step, dr.dot(d, axis), dr.dot(oa, axis))

@@ -7,6 +7,7 @@ from typing import Any
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 
 @dataclass
@@ -47,6 +48,7 @@ class SceneGraph:
         plain = [shape for shape in self.shapes if shape.class_name() != "Instance"]
         self.all_shapes = plain + [member for group in self.groups for member in self.members[group]]
         """Every shape that a ray can meet."""
+        self.group_of = self._groups_of_instances()
         self.bsdfs = [shape.bsdf() for shape in self.all_shapes]
 
         self._shape_values = self._values_of(lambda owner: isinstance(owner, mi.Shape))
@@ -75,6 +77,30 @@ class SceneGraph:
     def appearance_stamp(self) -> Stamp:
         """Note the present values of all materials, textures and emitters."""
         return Stamp(self._other_values)
+
+    def _groups_of_instances(self) -> dict[mi.Object, mi.Shape]:
+        """Find the group of each instance, which Mitsuba does not tell: by whom the group's first shape is met."""
+        if len(self.groups) < 2:
+            return dict.fromkeys(self.instances, *self.groups)
+        group_of = {member: group for group in self.groups for member in self.members[group]}
+        empty = next((group for group in self.groups if not self.members[group]), None)
+        pi = dr.zeros(mi.PreliminaryIntersection3f, len(self.instances))
+        pi.t = 1
+        found: dict[mi.Object, mi.Shape] = {}
+        if dr.is_jit_v(mi.Float):
+            numbers = [registry_number(instance) for instance in self.instances]
+            pi.instance = dr.reinterpret_array(mi.ShapePtr, mi.UInt32(numbers))
+            si = pi.compute_surface_interaction(mi.Ray3f(), +mi.RayFlags.Minimal, mi.Bool(True))
+            by_number = {registry_number(member): group for member, group in group_of.items()}
+            firsts = np.array(dr.reinterpret_array(mi.UInt32, si.shape))
+            for instance, first in zip(self.instances, firsts, strict=True):
+                found[instance] = by_number.get(int(first), empty)
+            return found
+        for instance in self.instances:
+            pi.instance = instance
+            si = pi.compute_surface_interaction(mi.Ray3f(), +mi.RayFlags.Minimal, True)
+            found[instance] = group_of.get(si.shape, empty)
+        return found
 
     def _walk(self, owner: mi.Object) -> None:
         if owner in self.nodes:
@@ -144,6 +170,11 @@ def _children(owner: mi.Object) -> list[mi.Object]:
     node = Node()
     owner.traverse(recorder(node))
     return list(node.children.values())
+
+
+def registry_number(shape: Any) -> int:
+    """Dr.Jit's number of an object, by which kernels know it."""
+    return int(np.array(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape)))[0])
 
 
 def read(where: Any, kind: Any, owner: mi.Object) -> Any:

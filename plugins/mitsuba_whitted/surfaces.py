@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_whitted import precise
+from mitsuba_whitted.accel import Accel
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.instances import Instances
 from mitsuba_whitted.meshes import Meshes
@@ -77,19 +78,15 @@ class _Row(NamedTuple):
 
 
 class Surfaces:
-    """All shapes of a scene, ready for ray queries and exact hits.
-
-    Holds an acceleration structure of its own over Mitsuba's shapes: with Embree's robust flag, without which
-    rays slip through the edges of meshes, and rebuilt when a shape changed through whichever scene.
-    """
+    """All shapes of a scene: which one a ray meets is Embree's answer, where it meets it is computed here."""
 
     def __init__(self, graph: SceneGraph) -> None:
         shapes = graph.all_shapes
         rows = [_row(graph, shape) for shape in shapes]
         self.kinds = {row.kind for row in rows}
-        self.accel = _acceleration_structure(graph)
-        self.extent = _extent(self.accel)
-        self.least_reach = opaque(mi.Float(1e-3 * self.extent))  # far below any detail: only keeps it off zero
+        self.accel = Accel(graph, shapes)
+        # A plane through the origin along the axes is met without rounding, and any shift but zero is enough.
+        self.least_reach = opaque(mi.Float(1e-9 * self.accel.extent()))
 
         self._kind = index_column([row.kind] for row in rows)
         self._a_r = column([*row.a, row.r] for row in rows)
@@ -98,11 +95,11 @@ class Surfaces:
         self._to_local = column(row.to_local.ravel() for row in rows)
 
         self.meshes = Meshes(graph, shapes)
-        self.instances = Instances(graph, shapes) if graph.instances else None
+        self.instances = Instances(graph) if graph.instances else None
 
     def first_hit(self, ray: mi.Ray3f, active: Any) -> mi.PreliminaryIntersection3f:
         """Ask Embree which primitive the ray meets first."""
-        return self.accel.ray_intersect_preliminary(ray, coherent=True, active=active)
+        return self.accel.first_hit(ray, active)
 
     def blocked(self, ray: mi.Ray3f, active: Any) -> Any:
         """Whether anything lies on the ray.
@@ -112,7 +109,7 @@ class Surfaces:
         """
         if Kind.SPHERE in self.kinds:
             return self.first_hit(ray, active).is_valid()
-        return self.accel.ray_test(ray, coherent=True, active=active)
+        return self.accel.any_hit(ray, active)
 
     def hit(self, pi: mi.PreliminaryIntersection3f, ray: mi.Ray3f, o: Any, with_uv: bool) -> Hit:
         """Compute the hit that `pi` names from the true origin `o` of the ray.
@@ -121,12 +118,10 @@ class Surfaces:
         """
         valid = pi.is_valid()
         d, t = ray.d, pi.t + dr.dot(ray.o - o, ray.d)
+        shape, instance, face = self.accel.met(pi, valid)
         if self.instances:
-            shape = self.instances.shape_of(pi, ray, valid)
-            placement = self.instances.placement(pi, valid)
+            placement = self.instances.placement(instance, valid)
             o, d, t = placement.to_local(o, d, t)
-        else:
-            shape = dr.select(valid, pi.shape_index, 0)
 
         kind = fetch(mi.UInt32, self._kind, shape, valid)
         sign = mi.Float(1)
@@ -154,7 +149,7 @@ class Surfaces:
 
         if Kind.MESH in self.kinds:
             here = valid & (kind == +Kind.MESH)
-            on_mesh = self.meshes.hit(pi, o, d, shape, with_uv, here)
+            on_mesh = self.meshes.hit(face, o, d, shape, with_uv, here)
             p = dr.select(here, on_mesh.p, p)
             n = dr.select(here, on_mesh.n, n)
             n_g = dr.select(here, on_mesh.n_g, n_g)
@@ -183,25 +178,6 @@ class Surfaces:
         return uv
 
 
-def _acceleration_structure(graph: SceneGraph) -> mi.Scene:
-    """Build a scene of the same shapes and nothing else; a shape's place in it is its row in the tables."""
-    # Instances come last, so that the row of every other shape is Embree's number of its geometry.
-    plain = [shape for shape in graph.shapes if shape not in graph.instances]
-    items = [*graph.groups, *plain, *graph.instances]
-    names = [item.id() for item in items]
-    contents = {str(i): item for i, item in enumerate(items)}
-    accel = mi.load_dict({"type": "scene", "embree_use_robust_intersections": True, **contents}, optimize=False)
-    for item, name in zip(items, names, strict=True):
-        item.set_id(name)  # load_dict has named them after its keys
-    return accel
-
-
-def _extent(accel: mi.Scene) -> float:
-    """Longest side of the bounding box, 0 for an empty scene."""
-    box = accel.bbox()
-    return float(max(box.extents())) if box.valid() else 0.0
-
-
 def _row(graph: SceneGraph, shape: mi.Shape) -> _Row:
     kind = _KINDS.get(shape.class_name(), Kind.MESH)
     if kind == Kind.MESH and not shape.is_mesh():
@@ -225,8 +201,11 @@ def _row(graph: SceneGraph, shape: mi.Shape) -> _Row:
     to_local = np.linalg.inv(linear)
 
     radius = float(np.linalg.norm(linear[:, 0]))
-    inverse_transpose = np.array(to_world.inverse_transpose, float).reshape(4, 4)
-    normal = inverse_transpose[:3, 2] if kind in PLANES else linear[:, 2]
+    normal = linear[:, 2]
+    if kind in PLANES:
+        normal = np.array(to_world.inverse_transpose, float).reshape(4, 4)[:3, 2]
+        if not np.all(np.isfinite(normal)) or not normal.any():
+            raise SceneError(f"shape `{shape.id()}`: to_world is too large or too small for a normal in float32")
     if kind == Kind.CYLINDER and np.linalg.det(linear) < 0:
         flipped = -flipped  # Mitsuba notes the mirror as a flip, to keep the normal outward
     return _Row(kind, origin, normal / np.linalg.norm(normal), radius, flipped, reach, to_local)

@@ -1,0 +1,196 @@
+"""What Embree traverses: shapes of the scene, and stand-ins for those that it would not traverse well."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_whitted.scene_graph import SceneGraph, registry_number
+from mitsuba_whitted.tables import fetch, index_column
+from mitsuba_whitted.transforms import Matrix, matrix_of
+
+
+class Met(NamedTuple):
+    """Which primitive a ray has met."""
+
+    shape: Any
+    """Row of the shape in the tables."""
+    instance: Any
+    """Number of the instance that placed it, counted from 1; 0 for none."""
+    face: Any
+    """Number of the triangle in its mesh."""
+
+
+class Accel:
+    """An acceleration structure of our own over Mitsuba's shapes.
+
+    It has Embree's robust flag, without which rays slip through the edges of meshes, and is made anew when a
+    shape changed, through whichever scene. Only its answer which primitive comes first is used, so that a
+    stand-in may be rounded. What instances place is put into world space: Mitsuba sets no such flag inside a
+    group, and its spheres go wrong where an instance makes the ray's direction longer than 1. All triangles of all
+    instances become one mesh, other shapes are placed one by one. Ellipsoids, which Mitsuba has not, stay
+    instances, but of spheres enlarged so far that the direction gets no longer.
+    """
+
+    def __init__(self, graph: SceneGraph, shapes: list[mi.Shape]) -> None:
+        row_of = {shape: row for row, shape in enumerate(shapes)}
+        contents: list[Any] = [shape for shape in graph.shapes if shape not in graph.instances]
+        placed = [[row_of[shape], 0] for shape in contents]
+        triangles: list[tuple[list[int], NDArray[Any], NDArray[Any]]] = []
+        ellipsoids: list[tuple[list[int], Any, Any]] = []
+        for number, instance in enumerate(graph.instances, 1):
+            to_world = matrix_of(graph.value(instance, "to_world"), f"instance `{instance.id()}`")
+            for member in graph.members[graph.group_of[instance]]:
+                who = [row_of[member], number]
+                if member.is_mesh():
+                    triangles.append((who, *_world_triangles(graph, member, to_world)))
+                elif member.class_name() == "Sphere" and not _keeps_shape(to_world):
+                    ellipsoids.append((who, *_ellipsoid(graph, member, to_world)))
+                else:
+                    contents.append(_moved(graph, member, to_world))
+                    placed.append(who)
+        self.instanced = bool(graph.instances)
+        self._placed = index_column(placed or [[0, 0]])
+        self._soup: Any = None
+        if triangles:
+            self._soup_geometry = len(contents)
+            contents.append(_soup(triangles))
+            self._soup = index_column(np.concatenate([_numbered(who, faces) for who, _, faces in triangles]))
+        self._scene = _scene([*(group for _, group, _ in ellipsoids), *contents, *(it for *_, it in ellipsoids)])
+        self._ellipsoids = _ByObject([it for *_, it in ellipsoids], [who for who, *_ in ellipsoids])
+
+    def extent(self) -> float:
+        """Longest side of the bounding box, 0 for an empty scene."""
+        box = self._scene.bbox()
+        return float(max(box.extents())) if box.valid() else 0.0
+
+    def first_hit(self, ray: mi.Ray3f, active: Any) -> mi.PreliminaryIntersection3f:
+        """Ask Embree which primitive the ray meets first."""
+        return self._scene.ray_intersect_preliminary(ray, coherent=True, active=active)
+
+    def any_hit(self, ray: mi.Ray3f, active: Any) -> Any:
+        """Ask Embree whether there is anything on the ray."""
+        return self._scene.ray_test(ray, coherent=True, active=active)
+
+    def met(self, pi: mi.PreliminaryIntersection3f, active: Any) -> Met:
+        """Say which shape of the scene, and which triangle of it, the answer of `first_hit` stands for."""
+        if not self.instanced:
+            return Met(dr.select(active, pi.shape_index, 0), mi.UInt32(0), pi.prim_index)
+        in_soup = active & (pi.shape_index == self._soup_geometry) if self._soup is not None else mi.Bool(False)
+        on_ellipsoid = active & (pi.instance != None) if self._ellipsoids else mi.Bool(False)  # noqa: E711  # a lane each
+        plain = active & (in_soup ^ True) & (on_ellipsoid ^ True)
+        who = fetch(mi.Vector2u, self._placed, dr.select(plain, pi.shape_index, 0), plain)
+        face = pi.prim_index
+        if self._soup is not None:
+            triangle = fetch(mi.Vector3u, self._soup, pi.prim_index, in_soup)
+            who = dr.select(in_soup, triangle.xy, who)
+            face = dr.select(in_soup, triangle.z, face)
+        if self._ellipsoids:
+            who = dr.select(on_ellipsoid, self._ellipsoids(pi.instance, on_ellipsoid), who)
+        return Met(who.x, who.y, face)
+
+
+def _scene(contents: list[Any]) -> mi.Scene:
+    """Make a scene of these objects, in this order: it is Embree's numbering of their geometry."""
+    names = [each.id() for each in contents]
+    numbered = {str(i): each for i, each in enumerate(contents)}
+    scene = mi.load_dict({"type": "scene", "embree_use_robust_intersections": True, **numbered}, optimize=False)
+    for each, name in zip(contents, names, strict=True):
+        each.set_id(name)  # load_dict has named them after its keys
+    return scene
+
+
+def _world_triangles(graph: SceneGraph, mesh: mi.Shape, to_world: Matrix) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Vertices of a mesh of a group where an instance puts them, and its faces."""
+    if mesh.class_name() == "Rectangle":
+        to_world = to_world @ matrix_of(graph.value(mesh, "to_world"), f"shape `{mesh.id()}`")
+        vertices = np.array([[-1, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]], float)
+        faces = np.array([[0, 1, 2], [2, 1, 3]], np.uint32)
+    else:
+        vertices = np.array(graph.value(mesh, "vertex_positions"), float).reshape(-1, 3)
+        faces = np.array(graph.value(mesh, "faces"), np.uint32).reshape(-1, 3)
+    return vertices @ to_world[:3, :3].T + to_world[:3, 3], faces
+
+
+def _numbered(who: list[int], faces: NDArray[Any]) -> NDArray[np.uint32]:
+    """Rows of shape, instance and number of each face."""
+    count = len(faces)
+    return np.column_stack([np.full(count, who[0]), np.full(count, who[1]), np.arange(count)]).astype(np.uint32)
+
+
+def _soup(triangles: list[tuple[list[int], NDArray[Any], NDArray[Any]]]) -> mi.Mesh:
+    """Make one mesh of all triangles."""
+    starts = np.cumsum([0, *(len(vertices) for _, vertices, _ in triangles)])
+    vertices = np.concatenate([vertices for _, vertices, _ in triangles])
+    faces = np.concatenate([faces + start for (_, _, faces), start in zip(triangles, starts, strict=False)])
+    mesh = mi.Mesh("instances", len(vertices), len(faces))
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = vertices.astype(np.float32).ravel()
+    parameters["faces"] = faces.astype(np.uint32).ravel()
+    parameters.update()
+    return mesh
+
+
+def _keeps_shape(to_world: Matrix) -> bool:
+    """Whether a sphere stays one, as near as float32 can tell: u = 2^-24 a number, three numbers a column."""
+    gram = to_world[:3, :3].T @ to_world[:3, :3]
+    scale = gram[0, 0]
+    return bool(np.all(np.abs(gram - scale * np.eye(3)) <= 6 * 2.0**-24 * scale))
+
+
+def _moved(graph: SceneGraph, shape: mi.Shape, to_world: Matrix) -> Any:
+    """Make a sphere, disk or cylinder of a group where an instance puts it."""
+    inner = matrix_of(graph.value(shape, "to_world"), f"shape `{shape.id()}`")
+    return _shape(shape.class_name().lower(), to_world @ inner)
+
+
+def _ellipsoid(graph: SceneGraph, sphere: mi.Shape, to_world: Matrix) -> tuple[Any, Any]:
+    """Make a group of one sphere, and an instance of it.
+
+    A ray's direction in the group is at most 1 / sigma long, with sigma the smallest stretch of the instance. A
+    power of two keeps every number as it was.
+    """
+    sigma = float(np.linalg.svd(to_world[:3, :3], compute_uv=False)[-1])
+    enlarge = np.diag([2.0 ** min(0, math.floor(math.log2(sigma)))] * 3 + [1.0])
+    inner = matrix_of(graph.value(sphere, "to_world"), f"shape `{sphere.id()}`")
+    group = mi.load_dict({"type": "shapegroup", "sphere": _shape("sphere", enlarge @ inner)})
+    placed = to_world @ np.linalg.inv(enlarge)
+    return group, mi.load_dict({"type": "instance", "to_world": mi.ScalarTransform4f(placed), "group": group})
+
+
+def _shape(kind: str, to_world: Matrix) -> Any:
+    level = mi.logger().log_level()  # type: ignore[operator]  # its stub takes it for an object
+    mi.set_log_level(mi.LogLevel.Error)  # of shear it warns; but it traverses sheared disks and cylinders rightly
+    try:
+        return mi.load_dict({"type": kind, "to_world": mi.ScalarTransform4f(to_world)})
+    finally:
+        mi.set_log_level(level)
+
+
+class _ByObject:
+    """From a shape in a kernel to the two numbers that belong to it; empty where there is none."""
+
+    def __init__(self, shapes: list[Any], numbers: list[list[int]]) -> None:
+        self._count = len(shapes)
+        if not dr.is_jit_v(mi.Float):
+            self._rows: Any = dict(zip(shapes, numbers, strict=True))
+            return
+        registry = [registry_number(shape) for shape in shapes]
+        rows = np.zeros((max(registry, default=0) + 1, 2), np.uint32)
+        if shapes:
+            rows[registry] = numbers
+        self._rows = index_column(rows)
+
+    def __bool__(self) -> bool:
+        return self._count > 0
+
+    def __call__(self, shape: Any, active: Any) -> Any:
+        if not dr.is_jit_v(mi.Float):
+            return mi.Vector2u(*self._rows.get(shape, (0, 0)))
+        return fetch(mi.Vector2u, self._rows, dr.reinterpret_array(mi.UInt32, shape), active)
+
