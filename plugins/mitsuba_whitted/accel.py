@@ -64,10 +64,9 @@ class Accel:
         self._scene = _scene([*(group for _, group, _ in ellipsoids), *contents, *(it for *_, it in ellipsoids)])
         self._ellipsoids = _ByObject([it for *_, it in ellipsoids], [who for who, *_ in ellipsoids])
 
-    def extent(self) -> float:
-        """Longest side of the bounding box, 0 for an empty scene."""
-        box = self._scene.bbox()
-        return float(max(box.extents())) if box.valid() else 0.0
+    def bbox(self) -> mi.BoundingBox3f:
+        """Bounding box of all shapes."""
+        return self._scene.bbox()
 
     def first_hit(self, ray: mi.Ray3f, active: Any) -> mi.PreliminaryIntersection3f:
         """Ask Embree which primitive the ray meets first."""
@@ -160,14 +159,18 @@ def _ellipsoid(graph: SceneGraph, sphere: mi.Shape, to_world: Matrix) -> tuple[A
     inner = matrix_of(graph.value(sphere, "to_world"), f"shape `{sphere.id()}`")
     group = mi.load_dict({"type": "shapegroup", "sphere": _shape("sphere", enlarge @ inner)})
     placed = to_world @ np.linalg.inv(enlarge)
-    return group, mi.load_dict({"type": "instance", "to_world": mi.ScalarTransform4f(placed), "group": group})
+    return group, mi.load_dict({"type": "instance", "to_world": _transform(placed), "group": group})
+
+
+def _transform(matrix: Matrix) -> Any:
+    return mi.ScalarTransform4f(matrix.tolist())
 
 
 def _shape(kind: str, to_world: Matrix) -> Any:
-    level = mi.logger().log_level()  # type: ignore[operator]  # its stub takes it for an object
+    level = mi.logger().log_level()
     mi.set_log_level(mi.LogLevel.Error)  # of shear it warns; but it traverses sheared disks and cylinders rightly
     try:
-        return mi.load_dict({"type": kind, "to_world": mi.ScalarTransform4f(to_world)})
+        return mi.load_dict({"type": kind, "to_world": _transform(to_world)})
     finally:
         mi.set_log_level(level)
 

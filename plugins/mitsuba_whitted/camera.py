@@ -104,7 +104,10 @@ class Camera:
     def _rays_of_mitsuba(self, x: Any, y: Any) -> Rays:
         size = self._film.crop_size()
         position = mi.Point2f(x / size[0], y / size[1])
-        ray, _ = self._sensor.sample_ray(mi.Float(0), mi.Float(0.5), position, mi.Point2f(0.5))
+        try:
+            ray, _ = self._sensor.sample_ray(mi.Float(0), mi.Float(0.5), position, mi.Point2f(0.5))
+        except RuntimeError as error:  # an irradiance meter, say, has no rays of its own
+            raise SceneError(f"sensor `{self._sensor.id()}`: {self.kind} is not handled: {error}") from None
         d = dr.normalize(ray.d)
         return Rays(ray.o, d, mi.Vector3f(0), ray.maxt)
 

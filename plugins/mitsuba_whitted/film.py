@@ -46,7 +46,7 @@ def expose(film: mi.Film, n: int, draw: Draw, progress: Progress | None = None) 
     box = _is_box(film.rfilter())
     canvas = _Canvas(film)
     at_once = SAMPLES_BETWEEN_REPORTS if progress else SAMPLES_AT_ONCE
-    rows = min(height, TILE * max(1, at_once // (TILE * width * n * n)))
+    rows = _rows_at_once(width, height, n, at_once)
     for top in range(0, height, rows):
         bottom = min(top + rows, height)
         if box and n == 1 and dr.is_jit_v(mi.Float):
@@ -69,7 +69,7 @@ def expose(film: mi.Film, n: int, draw: Draw, progress: Progress | None = None) 
 def totals(film: mi.Film, n: int, count: Callable[[Any, Any, Any], tuple[Any, ...]]) -> list[int]:
     """Sum up what `count` finds for each sample of the crop window: UInt32 numbers for x, y and a mask."""
     width, height = (int(size) for size in film.crop_size())
-    rows = min(height, TILE * max(1, SAMPLES_AT_ONCE // (TILE * width * n * n)))
+    rows = _rows_at_once(width, height, n, SAMPLES_AT_ONCE)
     sums: list[int] = []
     for top in range(0, height, rows):
         bottom = min(top + rows, height)
@@ -82,6 +82,12 @@ def totals(film: mi.Film, n: int, count: Callable[[Any, Any, Any], tuple[Any, ..
         for batch in batches:
             sums = [a + int(b) for a, b in zip(sums or [0] * len(batch), batch, strict=True)]
     return sums
+
+
+def _rows_at_once(width: int, height: int, n: int, samples: int) -> int:
+    """Rows of the picture that one launch takes: whole tiles, or single rows where those alone are many samples."""
+    rows = samples // (width * n * n)
+    return min(height, max(1, rows // TILE * TILE or rows))
 
 
 def _is_box(rfilter: mi.ReconstructionFilter) -> bool:

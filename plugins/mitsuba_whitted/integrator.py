@@ -16,6 +16,9 @@ from mitsuba_whitted.plan import Plan, plan_of
 from mitsuba_whitted.stage import Settings, Stage
 from mitsuba_whitted.trace import trace
 
+MOST_SAMPLES = 1 << 16
+"""Samples a pixel: 256 x 256, where the grid's error has long met that of float32."""
+
 TERMS = ("ambient", "diffuse", "specular", "shadows", "mirrors")
 
 
@@ -165,8 +168,9 @@ def define() -> type[mi.SamplingIntegrator]:
             a single thread, since Mitsuba takes a second call of the same object for a call of its base class.
             """
             stage, plan = self._prepare(scene, edits=bool(dr.is_jit_v(mi.Float)))
-            d = dr.normalize(ray.d)
-            traced = trace(stage, plan, Rays(ray.o, d, mi.Vector3f(0), ray.maxt), active)
+            length = dr.norm(ray.d)
+            d = ray.d * dr.rcp(length)
+            traced = trace(stage, plan, Rays(ray.o, d, mi.Vector3f(0), ray.maxt * length), active)
             return traced.colour, traced.hit, []
 
         def plan(self, scene: mi.Scene) -> Plan:
@@ -213,6 +217,8 @@ def define() -> type[mi.SamplingIntegrator]:
 
         def _grid(self, sensor: mi.Sensor, spp: int) -> int:
             spp = spp or sensor.sampler().sample_count()
+            if not 0 < spp <= MOST_SAMPLES:
+                raise SceneError(f"{spp} samples a pixel are out of range; allowed are 1 to {MOST_SAMPLES}")
             n: int = math.isqrt(spp - 1) + 1
             if n * n != spp:
                 self._tell_once(f"{spp} samples a pixel are no square: {n} x {n} are taken")
@@ -232,8 +238,8 @@ def _settings(props: Any) -> Settings:
     max_depth = props.get("max_depth", 10)
     if not isinstance(max_depth, int) or isinstance(max_depth, bool):
         raise SceneError(f"{name}: max_depth is {max_depth}; allowed is an <integer>")
-    if max_depth < -1:
-        raise SceneError(f"{name}: max_depth {max_depth} is out of range; allowed are -1 and above")
+    if not -1 <= max_depth < 2**31:  # as many as an <integer> may be
+        raise SceneError(f"{name}: max_depth {max_depth} is out of range; allowed are -1 to {2**31 - 1}")
     falloff = str(props.get("falloff", "inverse_square"))
     if falloff not in ("inverse_square", "none"):
         raise SceneError(f"{name}: falloff `{falloff}` is unknown; allowed are inverse_square and none")

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.scene_graph import SceneGraph, number
@@ -90,6 +91,8 @@ class Coefficient:
 
     Parameters
     ----------
+    graph : SceneGraph
+        Knows the textures inside textures.
     kind : type
         Spectrum, or Float.
     entries
@@ -102,10 +105,12 @@ class Coefficient:
     Raises
     ------
     SceneError
-        If a constant is out of range or not a number, or a texture depends on more than (u, v).
+        If a constant or a texel is out of range or not a number, or a texture depends on more than (u, v).
     """
 
-    def __init__(self, kind: Any, entries: list[tuple[str, Scaled | None]], what: str, most: float) -> None:
+    def __init__(
+        self, graph: SceneGraph, kind: Any, entries: list[tuple[str, Scaled | None]], what: str, most: float
+    ) -> None:
         self._kind, self._most = kind, most
         width = 1 if kind is mi.Float else dr.size_v(kind)
         self.textures: list[mi.Texture] = []
@@ -116,7 +121,7 @@ class Coefficient:
                 texture, scale = scaled
                 colour = constant(texture)
                 if colour is None:
-                    row, number = [scale] * width, self._number_of(texture, owner, what)
+                    row, number = [scale] * width, self._number_of(graph, texture, owner, what)
                 else:
                     _refuse_out_of_range(owner, colour, what, most)
                     row = [scale * channel for channel in (colour * width)[:width]]
@@ -139,15 +144,24 @@ class Coefficient:
                 value = dr.select(here, value * factor, value)
         return value
 
-    def _number_of(self, texture: mi.Texture, owner: str, what: str) -> int:
-        if not texture.class_name().startswith(TEXTURES):
-            raise SceneError(
-                f"{owner}: a texture of class {texture.class_name()} is not handled as {what}; "
-                "allowed are checkerboard, bitmap and constant colours"
-            )
+    def _number_of(self, graph: SceneGraph, texture: mi.Texture, owner: str, what: str) -> int:
+        _check_texture(graph, texture, f"{owner}: {what}", self._most)
         if texture not in self.textures:
             self.textures.append(texture)
         return self.textures.index(texture) + 1
+
+
+def _check_texture(graph: SceneGraph, texture: Any, what: str, most: float) -> None:
+    """Refuse a texture of another kind, also inside this one, and texels that are out of range."""
+    name = texture.class_name()
+    if texture.is_spatially_varying() and not name.startswith(TEXTURES):
+        raise SceneError(f"{what} is a texture of class {name}; allowed are checkerboard, bitmap and constant colours")
+    node = graph.nodes[texture]
+    texels = np.array(graph.value(texture, "data")) if "data" in node.values else np.zeros(1)
+    if texels.dtype != np.uint8 and not np.all((texels >= 0) & (texels <= most)):  # a NaN is in no range
+        raise SceneError(f"{what} has texels out of range; allowed is from 0 to {most:g}")
+    for inner in node.children.values():
+        _check_texture(graph, inner, what, most)
 
 
 def _refuse_out_of_range(owner: str, colour: list[float], what: str, most: float) -> None:
@@ -174,7 +188,7 @@ class Materials:
         self._rows_of_shape = index_column(wearing)
 
         def coefficient(kind: Any, letter: str, what: str, most: float) -> Coefficient:
-            return Coefficient(kind, [(m.owner, getattr(m, letter)) for m in materials], what, most)
+            return Coefficient(graph, kind, [(m.owner, getattr(m, letter)) for m in materials], what, most)
 
         self.k_d = coefficient(mi.Spectrum, "k_d", "diffuse reflectance", 1)
         self.k_s = coefficient(mi.Spectrum, "k_s", "specular reflectance", 1)

@@ -26,7 +26,7 @@ class MeshHit(NamedTuple):
 
 
 class Meshes:
-    """Vertices, faces and face normals of all meshes, and the exact hit on one of their triangles.
+    """Vertices, faces and face normals of all meshes, and the refined hit on one of their triangles.
 
     A face's normal is computed in float64 at load: from float32 edges it would be wrong by u times the aspect
     ratio of the triangle. Vertices of face f of shape s are at ``faces[3 (first_face[s] + f) ...]``.

@@ -17,7 +17,7 @@ def _part(words: str, without: str) -> Any:
 class Plan:
     """The structure of a scene: scenes of one plan share one kernel, whatever their values. Printing it explains it."""
 
-    shapes: tuple[str, ...] = _part("exact hits on {}", "there is no shape")
+    shapes: tuple[str, ...] = _part("refined hits on {}", "there is no shape")
     smooth_normals: bool = _part("interpolated vertex normals", "no mesh has vertex normals")
     instances: bool = _part("instances", "there is none")
     textured: bool = _part("texture coordinates and textures", "every coefficient is constant on its surface")

@@ -131,8 +131,10 @@ def specular_power(n: Any, h: Any, exponent: Any) -> Any:
 
     With the chord e = n - h and y = |e|^2 / 2 = 1 - n.h the power is exp(exponent log(1 - y)). The chord is
     exact to u where n.h itself would have lost y: n.h near 1 has a spacing of u, so that a power of 10^6
-    would be off by 6 %. From the chord the absolute error is at most sqrt(exponent / e) u sqrt(3), which is
-    6e-5 at 10^6, and no value exceeds 1.
+    would be off by 6 %. No value exceeds 1. For exponents p >= 1 two errors are left: of n and h, whose
+    rounding before the call moves the result by at most sqrt(p / e) u sqrt(3), 6e-5 at p = 10^6; and of the
+    logarithm, which from y = `SERIES_BELOW` on is off by the rounding of 1 - y, at most p u e^(-p y) or
+    u / (e y) = 2.2e-6. Below p = 1 the power is steep at n.h = 0, and digits are lost there by any formula.
     """
     y = dr.squared_norm(n - h) * 0.5
     series = -y * dr.fma(y, dr.fma(y, dr.fma(y, 0.25, 1 / 3), 0.5), 1.0)

@@ -78,19 +78,19 @@ class SceneGraph:
         """Note the present values of all materials, textures and emitters."""
         return Stamp(self._other_values)
 
-    def _groups_of_instances(self) -> dict[mi.Object, mi.Shape]:
+    def _groups_of_instances(self) -> dict[mi.Object, Any]:
         """Find the group of each instance, which Mitsuba does not tell: by whom the group's first shape is met."""
         if len(self.groups) < 2:
             return dict.fromkeys(self.instances, *self.groups)
         group_of = {member: group for group in self.groups for member in self.members[group]}
         empty = next((group for group in self.groups if not self.members[group]), None)
-        pi = dr.zeros(mi.PreliminaryIntersection3f, len(self.instances))
-        pi.t = 1
-        found: dict[mi.Object, mi.Shape] = {}
+        pi: Any = dr.zeros(mi.PreliminaryIntersection3f, len(self.instances))
+        pi.t, pi.valid = 1, True
+        found: dict[mi.Object, Any] = {}
         if dr.is_jit_v(mi.Float):
             numbers = [registry_number(instance) for instance in self.instances]
             pi.instance = dr.reinterpret_array(mi.ShapePtr, mi.UInt32(numbers))
-            si = pi.compute_surface_interaction(mi.Ray3f(), +mi.RayFlags.Minimal, mi.Bool(True))
+            si = pi.compute_surface_interaction(dr.zeros(mi.Ray3f, len(self.instances)), +mi.RayFlags.Minimal, mi.Bool(True))
             by_number = {registry_number(member): group for member, group in group_of.items()}
             firsts = np.array(dr.reinterpret_array(mi.UInt32, si.shape))
             for instance, first in zip(self.instances, firsts, strict=True):
@@ -98,7 +98,7 @@ class SceneGraph:
             return found
         for instance in self.instances:
             pi.instance = instance
-            si = pi.compute_surface_interaction(mi.Ray3f(), +mi.RayFlags.Minimal, True)
+            si = pi.compute_surface_interaction(dr.zeros(mi.Ray3f), +mi.RayFlags.Minimal, True)
             found[instance] = group_of.get(si.shape, empty)
         return found
 

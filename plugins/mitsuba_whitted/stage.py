@@ -96,7 +96,8 @@ class Stage:
         self.lights = lights_of(graph)
         self.environment: Any = graph.environment
         _check_background(graph)
-        self.emission = Coefficient(mi.Spectrum, [_radiance(graph, s) for s in graph.all_shapes], "radiance", LARGEST)
+        radiance = [_radiance(graph, shape) for shape in graph.all_shapes]
+        self.emission = Coefficient(graph, mi.Spectrum, radiance, "radiance", LARGEST)
         self.lights_nothing = lights_nothing(graph)
 
 

@@ -1,4 +1,4 @@
-"""The shapes of a scene as tables, and the exact hit on the one that Embree names."""
+"""The shapes of a scene as tables, and the refined hit on the one that Embree names."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mitsuba_whitted import precise
 from mitsuba_whitted.accel import Accel
+from mitsuba_whitted.camera import Rays
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.instances import Instances
 from mitsuba_whitted.meshes import Meshes
@@ -85,8 +86,11 @@ class Surfaces:
         rows = [_row(graph, shape) for shape in shapes]
         self.kinds = {row.kind for row in rows}
         self.accel = Accel(graph, shapes)
+        box = self.accel.bbox()
+        extent = float(max(box.extents())) if box.valid() else 0.0
+        self._corners = opaque(mi.Point3f(box.min)), opaque(mi.Point3f(box.max))
         # A plane through the origin along the axes is met without rounding, and any shift but zero is enough.
-        self.least_reach = opaque(mi.Float(1e-9 * self.accel.extent()))
+        self.least_reach = opaque(mi.Float(1e-9 * extent))
 
         self._kind = index_column([row.kind] for row in rows)
         self._a_r = column([*row.a, row.r] for row in rows)
@@ -96,6 +100,20 @@ class Surfaces:
 
         self.meshes = Meshes(graph, shapes)
         self.instances = Instances(graph) if graph.instances else None
+
+    def approached(self, rays: Rays) -> Rays:
+        """Begin the traversal of camera rays where they enter the bounding box.
+
+        Mitsuba solves the plain quadratic for cylinders, and finds small far ones badly. The hit is computed from
+        the true origin all the same.
+        """
+        if Kind.CYLINDER not in self.kinds:
+            return rays
+        low, high = ((corner - rays.o) * dr.rcp(rays.d) for corner in self._corners)
+        enters = dr.max(dr.minimum(low, high)) * (1 - 8 * precise.UNIT_ROUNDOFF)  # two roundings, with room
+        begin = dr.dot(rays.shift, rays.d)
+        lead = dr.select(enters > begin, enters - begin, 0)  # a ray inside a face of the box: NaN, no lead
+        return rays._replace(shift=mi.Vector3f(dr.fma(lead, rays.d, rays.shift)), end=rays.end - lead)
 
     def first_hit(self, ray: mi.Ray3f, active: Any) -> mi.PreliminaryIntersection3f:
         """Ask Embree which primitive the ray meets first."""

@@ -58,6 +58,7 @@ def trace(stage: Stage, plan: Plan, rays: Rays, active: Any = True) -> Traced:
     active : Bool
         Lanes that count.
     """
+    rays = stage.surfaces.approached(rays) if plan.shapes else rays
     state = _Ray(
         k=mi.UInt32(0),
         o=rays.o,

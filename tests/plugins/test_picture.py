@@ -440,7 +440,7 @@ def test_aov_adds_its_channels_to_the_picture(any_rgb):
     assert np.array_equal(picture[..., 4:], np.broadcast_to([0, 0, -1], (4, 4, 3)))
 
 
-def test_moment_draws_the_picture_ray_by_ray(any_rgb):
+def test_moment_draws_the_picture_ray_by_ray(llvm_ad_rgb):
     picture = np.array(mi.render(inside("moment", ""), spp=4))
     first = picture[..., :3]
     assert np.all(first > 0.5 * 0.125 + 0.5 * 2)
