@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from whitted_reference.instances import Placed
 from whitted_reference.lights import Light, Point, Spot
-from whitted_reference.materials import Terms
-from whitted_reference.ray_tree import LightNode, RayNode, Recorder, Tree
-from whitted_reference.shapes import Primitive, Sphere
+from whitted_reference.materials import Material, Terms
+from whitted_reference.ray_tree import Key, LightNode, RayNode, Recorder, Tree
+from whitted_reference.shapes import Primitive, Sphere, Surface
 from whitted_validation.textures import Slopes
 
 U = 2.0**-24
@@ -148,7 +148,13 @@ class Follower(Recorder):
         node.blocked_by = primitive.surface.id if primitive else None
         return primitive
 
-    def _decide(self, key, kind, shape, answer, by):  # type: ignore[no-untyped-def]
+    def textured(self, side: Material, uv: tuple[float, float]) -> Terms:
+        """Do as the plain tracer, and keep the coefficients."""
+        terms = super(Recorder, self).textured(side, uv)
+        self._stack[-1].terms = terms
+        return terms
+
+    def _decide(self, key: Key, kind: str, shape: str, answer: bool, by: float) -> bool:
         return answer
 
 
@@ -225,7 +231,7 @@ class Rounding:
         primitive = self._primitives[node.primitive]
         d = np.array(node.d, float)
         n, n_g = np.array(node.n, float), np.array(node.n_g, float)
-        patch = _Patch(primitive, node)
+        patch = Patch(primitive, node)
         if isinstance(primitive, Placed):
             ray = _through_matrix(primitive, node, ray)
         hit = self._hit(node, ray, patch, n_g, off)
@@ -242,7 +248,7 @@ class Rounding:
         black = not any(node.colour) and node.mirror is None and not node.lights
         if black:
             return step, np.zeros(3), None, None
-        side = self._surface(node).front if node.front else self._surface(node).back
+        side = side_of(self._surface(node), node)
         uv = (0.0, 0.0)
         terms = side.constant
         if terms is None:
@@ -260,7 +266,7 @@ class Rounding:
         step.mirror = max(slope, float(radius(r_n_g)) + 4 * U + (0.0 if patch.flat else length(normal)))
         return step, error, terms, Ray(e, r, offset)
 
-    def _hit(self, node: RayNode, ray: Ray, patch: _Patch, n_g: Matrix, off: float) -> Matrix:
+    def _hit(self, node: RayNode, ray: Ray, patch: Patch, n_g: Matrix, off: float) -> Matrix:
         """Return the error form of the hit point."""
         d = np.array(node.d, float)
         moved = ray.e + node.t * ray.d
@@ -343,16 +349,16 @@ class Rounding:
         if isinstance(source, Spot) and source._cutoff > source._beam:
             theta = source.angle(*l)
             if theta > source._beam:
-                turned = self._cone(source, form, l)
-                relative += turned / max(source._cutoff - theta, 1e-300)
+                relative += self.cone_error(source, hit, l, distance) / max(source._cutoff - theta, 1e-300)
         return form, relative, reach + 4 * U * distance
 
-    def _cone(self, source: Spot, form: Matrix, l: Matrix) -> float:  # noqa: E741
-        """Bound the error of the angle in a spot light's cone."""
+    def cone_error(self, source: Spot, hit: Matrix, l: Matrix, distance: float) -> float:  # noqa: E741
+        """Bound the error of the angle in a spot light's cone, for a point with that error form."""
         local = np.array(source._to_local, float)
         stretch = float(np.linalg.norm(local, 2))
         least = float(np.linalg.norm(local @ l))
-        return stretch * length(form) / least + CONE_ANGLE * stretch / least
+        off = (np.outer(l, l @ hit) - hit) / distance
+        return stretch * (length(off) + CONE_ANGLE) / least
 
     def _highlight(
         self,
@@ -415,7 +421,7 @@ def _through_matrix(primitive: Placed, node: RayNode, ray: Ray) -> Ray:
     )
 
 
-class _Patch:
+class Patch:
     """The surface around a hit: how its normal and coordinates change, by differences, and its own roundings."""
 
     def __init__(self, primitive: Primitive, node: RayNode) -> None:
@@ -511,6 +517,11 @@ class _Patch:
         slope = change.T / (2.0 * self._by)
         off = radius(slope @ (self._tangents @ hit)) + COORDINATE
         return float(off[0]), float(off[1])
+
+
+def side_of(surface: Surface, node: RayNode) -> Material:
+    """Return the material that a ray meets."""
+    return surface.front if node.front or surface.back is None else surface.back
 
 
 def chain(root: RayNode) -> Iterator[RayNode]:

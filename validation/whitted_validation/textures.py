@@ -14,7 +14,8 @@ from whitted_reference import scene
 from whitted_reference.arithmetic import FLOAT
 from whitted_reference.textures import evaluator
 
-TERMS = ("ambient", "diffuse", "specular", "mirror", "exponent")
+COLOURS = ("ambient", "diffuse", "specular", "mirror")
+TERMS = (*COLOURS, "exponent")
 U = 2.0**-24
 # A byte's linear value: a power of base 2.4 of it, by a logarithm and an exponential; relative to 1.
 DECODED = 8 * U
@@ -35,6 +36,10 @@ class Slopes:
                     slopes = list(_slopes(texture))
                     if slopes:
                         self._slopes[name, front, term] = slopes
+
+    def varies(self, surface: str, front: bool) -> bool:
+        """Tell whether any coefficient changes other than in steps."""
+        return any((surface, front, term) in self._slopes for term in TERMS)
 
     def error(self, surface: str, front: bool, term: str, uv: tuple[float, float], off: tuple[float, float]) -> float:
         """Bound the change of a coefficient in any channel, at coordinates `uv` known to within `off`."""

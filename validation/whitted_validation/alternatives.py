@@ -1,0 +1,289 @@
+"""What a pixel could look like if the yes/no decisions on its way fell otherwise within float32 rounding.
+
+Nothing here knows a second picture: alternatives follow from the scene and the pixel alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from whitted_reference import scene
+from whitted_reference.lights import Spot
+from whitted_reference.margins import margin
+from whitted_reference.materials import Material, Terms
+from whitted_reference.ray_tree import Decision, Key, RayNode, Recorder, Tree
+from whitted_reference.shapes import Cylinder, Disk, Primitive, Sphere
+from whitted_reference.vectors import Vec, dot
+from whitted_validation.rounding import TRANSFORMED, Bound, Ray, Rounding, Step, U, chain, length, side_of
+from whitted_validation.textures import Slopes
+
+# At most so many combinations of turned decisions are traced for a pixel, those of fewest decisions first.
+MOST = 64
+# A test of an edge from the origin of the ray (difference of the ends 1, their sum 1, cross product 3, dot
+# product 3), divided by the edge; the sum of the ends is up to twice as far as the edge.
+EDGE_TEST = 16 * U
+# The radicand of a plain quadratic, in squared distances: coefficients 3 each, product 1, difference 1.
+QUADRATIC_TEST = 8 * U
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """One colour that the pixel may have, how far float32 may be from it, and the decisions turned round."""
+
+    turned: tuple[Decision, ...]
+    colour: tuple[float, float, float]
+    bound: tuple[float, float, float]
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Name what was turned, for people: kind, shape, light and bounce."""
+        names = []
+        for decision in self.turned:
+            key = decision.key
+            light = f", light `{key.light}`" if key.light else ""
+            names.append(f"{decision.kind} of `{decision.shape}`{light}, bounce {key.k}")
+        return tuple(names)
+
+    def plus(self, other: Alternative, samples: int) -> Alternative:
+        """Add one of so many samples of the same pixel to what others give."""
+        colour = tuple(a + b / samples for a, b in zip(self.colour, other.colour, strict=True))
+        # The film's sums round once each.
+        bound = tuple(
+            a + b / samples + (U * abs(c) if samples > 1 else 0.0)
+            for a, b, c in zip(self.bound, other.bound, colour, strict=True)
+        )
+        return Alternative((*self.turned, *other.turned), _three(colour), _three(bound))
+
+
+class Doubter(Recorder):
+    """A recorder that can also turn decisions of textures and of spot lights."""
+
+    def __init__(self, description: scene.Scene, sensor: int = 0) -> None:
+        super().__init__(description, sensor)
+        film = self.film
+        self.camera_end = float(self.camera.ray(film.crop_width // 2, film.crop_height // 2)[3])
+        self.moves: dict[Key, tuple[float, float]] = {}
+        for light in self.lights:
+            if isinstance(light, Spot):
+                light.share = self._share_of(light, light.share)  # type: ignore[method-assign]
+
+    def textured(self, side: Material, uv: tuple[float, float]) -> Terms:
+        """Evaluate for the ray at work, across a step if that is turned."""
+        node = self._stack[-1]
+        for key in self._flips:
+            if key.what.startswith("texture") and (key.k, key.primitive) == (node.k, node.primitive):
+                uv = uv[0] + self.moves[key][0], uv[1] + self.moves[key][1]
+        node.terms = side.at(*uv)
+        return node.terms
+
+    def _share_of(self, light: Spot, share: Any) -> Any:
+        def moved(theta: float) -> Any:
+            key = Key(self._stack[-1].k, "cone", light.id, self._stack[-1].primitive)
+            return share(theta + self.moves[key][0] if key in self._flips else theta)
+
+        return moved
+
+
+class Alternatives:
+    """All that the pixels of one scene may look like.
+
+    Parameters
+    ----------
+    description, sensor : as for `Recorder`
+    """
+
+    def __init__(self, description: scene.Scene, sensor: int = 0) -> None:
+        self._doubter = Doubter(description, sensor)
+        self._slopes = Slopes(description)
+        self._rounding = Rounding(self._doubter, self._slopes)
+
+    def of_pixel(self, x: int, y: int, grid: int = 1) -> tuple[list[Alternative], bool]:
+        """Return what pixel (x, y) may look like, and whether that is all.
+
+        Samples are turned one after the other; the first alternative is the reference's own colour.
+        """
+        found, complete = [Alternative((), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))], True
+        for j in range(grid):
+            for i in range(grid):
+                one, whole = self._of_sample(x, y, i, j, grid)
+                pairs = [before.plus(other, grid * grid) for other in one for before in found]
+                complete = complete and whole and len(pairs) <= MOST
+                found = pairs[:MOST]
+        return found, complete
+
+    def _of_sample(self, x: int, y: int, i: int, j: int, grid: int) -> tuple[list[Alternative], bool]:
+        """Do so for sample (i, j)."""
+        known: dict[frozenset[Key], tuple[Decision, ...]] = {frozenset(): ()}
+        waiting = deque(known)
+        found: list[Alternative] = []
+        self._doubter.moves.clear()
+        while waiting and len(found) < MOST:
+            flips = waiting.popleft()
+            tree = self._doubter.record(x, y, i, j, grid, flips)
+            bound = self._rounding.bound(tree)
+            found.append(Alternative(known[flips], _three(tree.colour), _three(bound.colour)))
+            for decision in self._doubtful(tree, bound):
+                more = flips | {decision.key}
+                if decision.key not in flips and more not in known:
+                    known[more] = (*known[flips], decision)
+                    waiting.append(more)
+        return found, not waiting
+
+    # -------------------------------------------------------------------------------------------- doubts
+    def _doubtful(self, tree: Tree, bound: Bound) -> Iterator[Decision]:
+        """Yield the decisions of a tree that its errors may turn."""
+        nodes = list(chain(tree.root))
+        for decision in tree.decisions:
+            k = decision.key.k
+            if k < len(bound.steps) and self._may_turn(decision, nodes[k], bound.steps[k]):
+                yield decision
+        for node, step in zip(nodes, bound.steps, strict=False):
+            if step.p is not None and np.isfinite(step.p).all():
+                yield from self._texture_steps(node, step)
+                yield from self._cones(node, step)
+
+    def _may_turn(self, decision: Decision, node: RayNode, step: Step) -> bool:
+        what, light = decision.key.what, decision.key.light
+        if what == "facing":
+            return abs(decision.margin) <= step.facing
+        if what == "mirror":
+            return abs(decision.margin) <= step.mirror
+        arrival = step.lights.get(light)
+        if what == "horizon":
+            return arrival is None or abs(decision.margin) <= arrival.n_l
+        primitive = self._doubter.primitives[decision.key.primitive]
+        if what == "blocks":
+            if arrival is None or step.p is None:
+                return True
+            l, distance = next((lit.l, lit.distance) for lit in node.lights if lit.id == light)  # noqa: E741
+            assert node.p is not None
+            beam = _Beam(node.p, l, Ray(step.p, arrival.l, step.offset), 0.0, distance, arrival.distance)
+            return beam.may_turn(primitive, decision.answer)
+        beam = _Beam(node.e, node.d, step.ray, 0.0, self._doubter.camera_end if node.k == 0 else math.inf, 0.0)
+        if what == "seen":
+            return beam.may_turn(primitive, decision.answer)
+        first = self._doubter.primitives[node.primitive]
+        return decision.margin <= beam.along(primitive) + beam.along(first)
+
+    def _texture_steps(self, node: RayNode, step: Step) -> Iterator[Decision]:
+        """Move the coordinates by their errors, and yield what changes more than a slope allows."""
+        surface = self._doubter.primitives[node.primitive].surface
+        material = side_of(surface, node)
+        if material.constant is not None or node.uv is None or node.terms is None:
+            return
+        here = node.terms
+        seen = [here]
+        for move in _moves(self._doubter.primitives[node.primitive], node.uv, step.uv):
+            there = material.at(node.uv[0] + move[0], node.uv[1] + move[1])
+            slopes = {
+                name: self._slopes.error(surface.id, node.front, name, node.uv, step.uv) + U * (name == "exponent")
+                for name in ("ambient", "diffuse", "specular", "mirror", "exponent")
+            }
+            if any(_within(there, other, slopes) for other in seen):
+                continue
+            seen.append(there)
+            key = Key(node.k, f"texture {move[0]:+.1e} {move[1]:+.1e}", "", node.primitive)
+            self._doubter.moves[key] = move
+            yield Decision(key, "texture edge", surface.id, True, max(step.uv))
+
+    def _cones(self, node: RayNode, step: Step) -> Iterator[Decision]:
+        """Yield spot lights whose cone ends here, or nearly so."""
+        assert node.p is not None
+        for light in self._doubter.lights:
+            if not isinstance(light, Spot):
+                continue
+            x, y, z = (a - b for a, b in zip(light._data[:3], node.p, strict=True))
+            distance = math.sqrt(x * x + y * y + z * z)
+            if distance == 0.0:
+                continue
+            theta = light.angle(x / distance, y / distance, z / distance)
+            assert step.p is not None
+            off = self._rounding.cone_error(light, step.p, np.array([x, y, z]) / distance, distance)
+            if abs(theta - light._cutoff) <= off:
+                key = Key(node.k, "cone", light.id, node.primitive)
+                self._doubter.moves[key] = (off if theta < light._cutoff else -off, 0.0)
+                yield Decision(key, f"spot cone of {light.id}", node.shape or "", theta < light._cutoff, off)
+
+
+@dataclass
+class _Beam:
+    """A ray with its errors, between its ends; `end_off` is how far the end itself may be off."""
+
+    e: Vec
+    d: Vec
+    errors: Ray
+    start: float
+    end: float
+    end_off: float
+
+    def may_turn(self, primitive: Primitive, met: bool) -> bool:
+        """Tell whether float32 may miss what is met here, or meet what is missed."""
+        near = margin(primitive, self.e, self.d)
+        if near is None:
+            return True  # seen edge-on
+        aside = self.aside(primitive, near.t)
+        if met and near.distance <= aside:
+            return True
+        if not met and near.distance < -aside:
+            return False
+        along = self.along(primitive)
+        gaps = near.t - self.start, self.end + self.end_off - near.t
+        return any(gap <= along for gap in gaps) if met else all(gap >= -along - self.end_off for gap in gaps)
+
+    def aside(self, primitive: Primitive, t: float) -> float:
+        """Bound how far the ray is off across itself at distance t, and the test of the primitive with it."""
+        e_form, d_form = self.errors.e, self.errors.d
+        moved = np.zeros((3, max(e_form.shape[1], d_form.shape[1])))
+        moved[:, : e_form.shape[1]] = e_form
+        moved[:, : d_form.shape[1]] += t * d_form
+        low, high = np.array(primitive.box[:3], float), np.array(primitive.box[3:], float)
+        size = float(np.linalg.norm(high - low))
+        at = float(np.linalg.norm(np.maximum(np.abs(low), np.abs(high)))) + math.hypot(*self.e)
+        aside = length(moved) + self.errors.offset + EDGE_TEST * (abs(t) + size) + TRANSFORMED * at
+        inner = getattr(primitive, "primitive", primitive)
+        if isinstance(inner, Cylinder):
+            aside += QUADRATIC_TEST * (abs(t) + size) ** 2 / math.sqrt(float(inner.data[7]))
+        return aside if math.isfinite(aside) else math.inf
+
+    def along(self, primitive: Primitive) -> float:
+        """Bound how far the meeting is off along the ray."""
+        near = margin(primitive, self.e, self.d)
+        if near is None:
+            return math.inf
+        p = (self.e[0] + near.t * self.d[0], self.e[1] + near.t * self.d[1], self.e[2] + near.t * self.d[2])
+        n_g = primitive.normals(self.e, self.d, near.t, p)[1]
+        cosine = abs(dot(n_g, self.d))
+        return 8 * U * abs(near.t) + (self.aside(primitive, near.t) / cosine if cosine > 0.0 else math.inf)
+
+
+def _moves(primitive: Primitive, uv: tuple[float, float], off: tuple[float, float]) -> Iterator[tuple[float, float]]:
+    """Yield how coordinates may be off, and over the seam of a turn."""
+    inner = getattr(primitive, "primitive", primitive)
+    for du in (-off[0], 0.0, off[0]):
+        for dv in (-off[1], 0.0, off[1]):
+            if isinstance(inner, Sphere | Cylinder):
+                yield (du - math.floor(uv[0] + du), dv)
+            elif isinstance(inner, Disk):
+                yield (du, dv - math.floor(uv[1] + dv))
+            else:
+                yield (du, dv)
+
+
+def _within(one: Terms, other: Terms, slopes: dict[str, float]) -> bool:
+    """Tell whether two sets of coefficients differ by no more than slopes allow."""
+    for name, slope in slopes.items():
+        a, b = (np.zeros(3) if x is None else np.atleast_1d(x) for x in (getattr(one, name), getattr(other, name)))
+        if (np.abs(a - b) > 2 * slope).any():
+            return False
+    return True
+
+
+def _three(colour: Any) -> tuple[float, float, float]:
+    red, green, blue = (float(c) for c in colour)
+    return red, green, blue
