@@ -25,6 +25,8 @@ from whitted_validation.textures import Slopes
 
 # At most so many combinations of turned decisions are traced for a pixel, those of fewest decisions first.
 MOST = 64
+# A line that passes the box of a primitive at more than this, in sizes of the scene, does not meet it.
+NEAR = 2.0**-10
 # A test of an edge from the origin of the ray (difference of the ends 1, their sum 1, cross product 3, dot
 # product 3), divided by the edge; the sum of the ends is up to twice as far as the edge.
 EDGE_TEST = 16 * U
@@ -68,10 +70,29 @@ class Doubter(Recorder):
         super().__init__(description, sensor)
         film = self.film
         self.camera_end = float(self.camera.ray(film.crop_width // 2, film.crop_height // 2)[3])
+        # Far more than any bound that explains something: what a ray passes at a greater distance is not asked.
+        boxes = np.array([p.box for p in self.primitives], float).reshape(-1, 6)
+        size = boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0) if len(boxes) else np.zeros(3)
+        self._reach = NEAR * float(size.max())
+        self._low, self._high = boxes[:, :3] - self._reach, boxes[:, 3:] + self._reach
+        self._everything = self.primitives
         self.moves: dict[Key, tuple[float, float]] = {}
         for light in self.lights:
             if isinstance(light, Spot):
                 light.share = self._share_of(light, light.share)  # type: ignore[method-assign]
+
+    def _meetings(
+        self, what: str, light: str, e: Vec, d: Vec, start: float, end: float, leaving: Primitive | None
+    ) -> list[tuple[float, Primitive]]:
+        """Ask only primitives whose boxes the ray's line passes closely (Kay and Kajiya 1986)."""
+        away = np.where(np.array(d, float) == 0.0, 1e-300, d)
+        a, b = (self._low - e) / away, (self._high - e) / away
+        passed = np.minimum(a, b).max(axis=1) <= np.maximum(a, b).min(axis=1)
+        self.primitives = [self._everything[i] for i in np.flatnonzero(passed)]
+        try:
+            return super()._meetings(what, light, e, d, start, end, leaving)
+        finally:
+            self.primitives = self._everything
 
     def textured(self, side: Material, uv: tuple[float, float]) -> Terms:
         """Evaluate for the ray at work, across a step if that is turned."""
@@ -164,10 +185,13 @@ class Alternatives:
             l, distance = next((lit.l, lit.distance) for lit in node.lights if lit.id == light)  # noqa: E741
             assert node.p is not None
             beam = _Beam(node.p, l, Ray(step.p, arrival.l, step.offset), 0.0, distance, arrival.distance)
-            return beam.may_turn(primitive, decision.answer)
+            blocked = next(lit.blocked_by for lit in node.lights if lit.id == light) is not None
+            return blocked == decision.answer and beam.may_turn(primitive, decision.answer)
         beam = _Beam(node.e, node.d, step.ray, 0.0, self._doubter.camera_end if node.k == 0 else math.inf, 0.0)
-        if what == "seen":
-            return beam.may_turn(primitive, decision.answer)
+        if what == "seen":  # what lies behind the hit only counts once that is turned
+            near = margin(primitive, node.e, node.d)
+            behind = near is not None and near.t - beam.along(primitive) > node.t
+            return not behind and beam.may_turn(primitive, decision.answer)
         first = self._doubter.primitives[node.primitive]
         return decision.margin <= beam.along(primitive) + beam.along(first)
 
