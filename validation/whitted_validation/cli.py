@@ -19,7 +19,7 @@ from typing import Any
 
 import click
 
-from whitted_validation import picture_files, scene_files
+from whitted_validation import picture_files, scene_files, validate_command
 from whitted_validation.refusal import Refusal
 from whitted_validation.request import Request
 
@@ -187,6 +187,9 @@ def doctor() -> None:
 
     for line in examination.report():
         click.echo(line)
+
+
+validate_command.add_to(whitted, _defines, _folders)
 
 
 def _render_reference(
