@@ -68,6 +68,7 @@ class Doubter(Recorder):
 
     def __init__(self, description: scene.Scene, sensor: int = 0) -> None:
         super().__init__(description, sensor)
+        self.start = float(self._start)
         film = self.film
         self.camera_end = float(self.camera.ray(film.crop_width // 2, film.crop_height // 2)[3])
         # Far more than any bound that explains something: what a ray passes at a greater distance is not asked.
@@ -184,14 +185,19 @@ class Alternatives:
                 return True
             l, distance = next((lit.l, lit.distance) for lit in node.lights if lit.id == light)  # noqa: E741
             assert node.p is not None
-            beam = _Beam(node.p, l, Ray(step.p, arrival.l, step.offset), 0.0, distance, arrival.distance)
+            beam = _Beam(
+                node.p, l, Ray(step.p, arrival.l, step.offset), self._doubter.start, distance, arrival.distance
+            )
             blocked = next(lit.blocked_by for lit in node.lights if lit.id == light) is not None
-            return blocked == decision.answer and beam.may_turn(primitive, decision.answer)
-        beam = _Beam(node.e, node.d, step.ray, 0.0, self._doubter.camera_end if node.k == 0 else math.inf, 0.0)
+            return blocked == decision.answer and beam.may_turn(primitive)
+        first_ray = node.k == 0
+        start, end = (0.0, self._doubter.camera_end) if first_ray else (self._doubter.start, math.inf)
+        beam = _Beam(node.e, node.d, step.ray, start, end, 0.0)
         if what == "seen":  # what lies behind the hit only counts once that is turned
             near = margin(primitive, node.e, node.d)
-            behind = near is not None and near.t - beam.along(primitive) > node.t
-            return not behind and beam.may_turn(primitive, decision.answer)
+            missed = -math.inf if near is None else near.t - 2.0**-20 * abs(near.t)
+            front = min((t - off for t, off in beam.meetings(primitive) if t >= start), default=missed)
+            return front <= node.t and beam.may_turn(primitive)
         first = self._doubter.primitives[node.primitive]
         return decision.margin <= beam.along(primitive) + beam.along(first)
 
@@ -246,19 +252,31 @@ class _Beam:
     end: float
     end_off: float
 
-    def may_turn(self, primitive: Primitive, met: bool) -> bool:
+    def may_turn(self, primitive: Primitive) -> bool:
         """Tell whether float32 may miss what is met here, or meet what is missed."""
         near = margin(primitive, self.e, self.d)
         if near is None:
             return True  # seen edge-on
         aside = self.aside(primitive, near.t)
-        if met and near.distance <= aside:
-            return True
-        if not met and near.distance < -aside:
+        if abs(near.distance) <= aside:
+            size = math.dist(primitive.box[:3], primitive.box[3:])
+            return self.start - size <= near.t <= self.end + self.end_off + size
+        if near.distance < 0.0:
             return False
-        along = self.along(primitive)
-        gaps = near.t - self.start, self.end + self.end_off - near.t
-        return any(gap <= along for gap in gaps) if met else all(gap >= -along - self.end_off for gap in gaps)
+        return any(
+            abs(t - self.start) <= along or abs(t - self.end) <= along + self.end_off
+            for t, along in self.meetings(primitive)
+        )
+
+    def meetings(self, primitive: Primitive) -> Iterator[tuple[float, float]]:
+        """Yield where the whole line meets a primitive, and how far each place may be off along the line."""
+        t = primitive.hit(*self.e, *self.d, -math.inf, math.inf)
+        while t is not None:
+            p = (self.e[0] + t * self.d[0], self.e[1] + t * self.d[1], self.e[2] + t * self.d[2])
+            cosine = abs(dot(primitive.normals(self.e, self.d, t, p)[1], self.d))
+            yield t, 8 * U * abs(t) + (self.aside(primitive, t) / cosine if cosine > 0.0 else math.inf)
+            # Beyond the same place, as double precision has it; a third meeting there is none.
+            t = primitive.hit(*self.e, *self.d, t + 2.0**-40 * (abs(t) + 1.0), math.inf)
 
     def aside(self, primitive: Primitive, t: float) -> float:
         """Bound how far the ray is off across itself at distance t, and the test of the primitive with it."""
@@ -277,13 +295,8 @@ class _Beam:
 
     def along(self, primitive: Primitive) -> float:
         """Bound how far the meeting is off along the ray."""
-        near = margin(primitive, self.e, self.d)
-        if near is None:
-            return math.inf
-        p = (self.e[0] + near.t * self.d[0], self.e[1] + near.t * self.d[1], self.e[2] + near.t * self.d[2])
-        n_g = primitive.normals(self.e, self.d, near.t, p)[1]
-        cosine = abs(dot(n_g, self.d))
-        return 8 * U * abs(near.t) + (self.aside(primitive, near.t) / cosine if cosine > 0.0 else math.inf)
+        offs = [off for t, off in self.meetings(primitive) if self.start <= t <= self.end]
+        return offs[0] if offs else math.inf
 
 
 def _moves(primitive: Primitive, uv: tuple[float, float], off: tuple[float, float]) -> Iterator[tuple[float, float]]:
