@@ -28,6 +28,7 @@ class Slopes:
 
     def __init__(self, description: scene.Scene) -> None:
         self._slopes: dict[tuple[str, bool, str], list[Slope]] = {}
+        self._varying: set[tuple[str, bool]] = set()
         for name, look in _looks(description.shapes):
             material = look.material
             sides = (material.front, material.behind) if isinstance(material, scene.TwoSided) else (material,)
@@ -36,10 +37,12 @@ class Slopes:
                     slopes = list(_slopes(texture))
                     if slopes:
                         self._slopes[name, front, term] = slopes
+                    if any(slope is not _level for slope in slopes):
+                        self._varying.add((name, front))
 
     def varies(self, surface: str, front: bool) -> bool:
         """Tell whether any coefficient changes other than in steps."""
-        return any((surface, front, term) in self._slopes for term in TERMS)
+        return (surface, front) in self._varying
 
     def error(self, surface: str, front: bool, term: str, uv: tuple[float, float], off: tuple[float, float]) -> float:
         """Bound the change of a coefficient in any channel, at coordinates `uv` known to within `off`."""
@@ -70,12 +73,17 @@ def _textures(side: scene.OneSided) -> Iterator[tuple[str, scene.Texture]]:
 
 
 def _slopes(texture: scene.Texture) -> Iterator[Slope]:
-    """Yield the slopes of all bilinear pictures in a texture."""
+    """Yield the slopes of all pictures in a texture."""
     if isinstance(texture, scene.Checkerboard):  # what is in its squares is asked at the same uv
         yield from _slopes(texture.color0)
         yield from _slopes(texture.color1)
-    elif isinstance(texture, scene.Bitmap) and texture.bilinear:
-        yield _slope(texture)
+    elif isinstance(texture, scene.Bitmap):
+        yield _slope(texture) if texture.bilinear else _level
+
+
+def _level(u: float, v: float) -> tuple[float, float]:
+    """Change in steps only."""
+    return 0.0, 0.0
 
 
 def _slope(texture: scene.Bitmap) -> Slope:
