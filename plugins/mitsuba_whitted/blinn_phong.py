@@ -131,7 +131,7 @@ def define() -> type[mi.BSDF]:
             self.m_flags = self.m_components[DIFFUSE] | self.m_components[GLOSSY] | self.m_components[MIRROR]
 
         def traverse(self, cb: mi.TraversalCallback) -> None:
-            for name in _PARAMETERS:
+            for name in PARAMETERS:
                 cb.put(name, getattr(self, name), mi.ParamFlags.Differentiable)
 
         def eval(
@@ -207,7 +207,7 @@ def define() -> type[mi.BSDF]:
             return self.diffuse_reflectance.eval(si, active) * dr.pi
 
         def to_string(self) -> str:
-            parameters = ",\n".join(f"{name} = {getattr(self, name)}" for name in _PARAMETERS)
+            parameters = ",\n".join(f"{name} = {getattr(self, name)}" for name in PARAMETERS)
             return f"BlinnPhong[\n{textwrap.indent(parameters, '  ')}\n]"
 
         def _exponent(self, si: mi.SurfaceInteraction3f, active: Any) -> Any:
@@ -237,7 +237,7 @@ def define() -> type[mi.BSDF]:
     return BlinnPhong
 
 
-_PARAMETERS = (
+PARAMETERS = (
     "diffuse_reflectance",
     "specular_reflectance",
     "mirror_reflectance",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
@@ -198,7 +199,8 @@ def define() -> type[mi.SamplingIntegrator]:
 
         def to_string(self) -> str:
             """Name the parameters."""
-            return f"Whitted[\n  {self.settings}\n]"
+            lines = (f"  {name} = {value}" for name, value in dataclasses.asdict(self.settings).items())
+            return "Whitted[\n" + ",\n".join(lines) + "\n]"
 
         def _prepare(self, scene: mi.Scene, edits: bool = True) -> tuple[Stage, Plan]:
             if self._stage is not None and self._stage.follows(scene):

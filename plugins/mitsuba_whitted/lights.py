@@ -127,6 +127,11 @@ def _spot(graph: SceneGraph, emitter: mi.Emitter) -> tuple[list[float], list[flo
         raise SceneError(f"emitter `{emitter.id()}`: a spot light that projects a texture is not handled")
     matrix = _matrix(graph, emitter)
     cutoff, beam = (np.deg2rad(number(graph.value(emitter, name))) for name in ("cutoff_angle", "beam_width"))
+    if not 0 < cutoff <= np.pi or not 0 <= beam <= cutoff:
+        raise SceneError(
+            f"emitter `{emitter.id()}`: cutoff_angle {np.rad2deg(cutoff):g} and beam_width {np.rad2deg(beam):g} are "
+            "out of range; allowed are 0 < cutoff_angle <= 180 and 0 <= beam_width <= cutoff_angle"
+        )
     slope = 1 / (cutoff - beam) if cutoff > beam else 0.0
     to_local = np.linalg.inv(matrix[:3, :3])
     return [*matrix[:3, 3], *to_local.ravel(), cutoff, beam, slope], colour_of(graph, emitter, "intensity")

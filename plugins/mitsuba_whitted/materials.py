@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_whitted.blinn_phong import MAX_EXPONENT, PARAMETERS
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.scene_graph import SceneGraph, number
 from mitsuba_whitted.tables import column, fetch, index_column
@@ -51,25 +52,18 @@ def material_of(graph: SceneGraph, bsdf: mi.BSDF, shape: mi.Shape) -> tuple[Mate
         behind = graph.child(bsdf, "brdf_1")
         return front, front if behind is None else material_of(graph, behind, shape)[0]
     if name == "BlinnPhong":
-        return Material(owner, *((getattr(bsdf, parameter), 1.0) for parameter in _BLINN_PHONG)), None
+        return Material(owner, *((getattr(bsdf, parameter), 1.0) for parameter in PARAMETERS)), None
     if name == "SmoothDiffuse":
         rho = graph.child(bsdf, "reflectance"), 1 / math.pi  # a diffuse BSDF is rho / pi
         return Material(owner, k_d=rho, k_a=rho), None
     if name == "SmoothConductor" and _is_plain_mirror(graph, bsdf):
         return Material(owner, k_m=(graph.child(bsdf, "specular_reflectance"), 1.0)), None
+    if name == "SmoothConductor":
+        name = "a conductor with another material than `none`"
     raise SceneError(
         f"{owner}: {name} is not handled; "
         "allowed are blinnphong, diffuse, conductor with material `none`, and twosided of them"
     )
-
-
-_BLINN_PHONG = (
-    "diffuse_reflectance",
-    "specular_reflectance",
-    "mirror_reflectance",
-    "ambient_reflectance",
-    "exponent",
-)
 
 
 def _is_plain_mirror(graph: SceneGraph, conductor: mi.BSDF) -> bool:
@@ -194,7 +188,7 @@ class Materials:
         self.k_s = coefficient(mi.Spectrum, "k_s", "specular reflectance", 1)
         self.k_m = coefficient(mi.Spectrum, "k_m", "mirror reflectance", 1)
         self.k_a = coefficient(mi.Spectrum, "k_a", "ambient reflectance", 1)
-        self.exponent = coefficient(mi.Float, "exponent", "exponent", 1e7)
+        self.exponent = coefficient(mi.Float, "exponent", "exponent", MAX_EXPONENT)
 
     def row_of(self, shape: Any, from_behind: Any, active: Any) -> Any:
         """Row of the material that shape row `shape` shows on this side."""

@@ -42,7 +42,8 @@ class Plan:
             if value:
                 needed.append(f"  {words}")
             else:
-                left_out.append(f"  {words.replace('{}', '').strip()}: {part.metadata['without']}")
+                name = part.metadata["words"].removesuffix(" on {}").removesuffix(" from {}")
+                left_out.append(f"  {name}: {part.metadata['without']}")
         return "\n".join(["in the kernel:", *(needed or ["  nothing"]), "left out:", *(left_out or ["  nothing"])])
 
 

@@ -90,7 +90,8 @@ class SceneGraph:
         if dr.is_jit_v(mi.Float):
             numbers = [registry_number(instance) for instance in self.instances]
             pi.instance = dr.reinterpret_array(mi.ShapePtr, mi.UInt32(numbers))
-            si = pi.compute_surface_interaction(dr.zeros(mi.Ray3f, len(self.instances)), +mi.RayFlags.Minimal, mi.Bool(True))
+            rays = dr.zeros(mi.Ray3f, len(self.instances))
+            si = pi.compute_surface_interaction(rays, +mi.RayFlags.Minimal, mi.Bool(True))
             by_number = {registry_number(member): group for member, group in group_of.items()}
             firsts = np.array(dr.reinterpret_array(mi.UInt32, si.shape))
             for instance, first in zip(self.instances, firsts, strict=True):

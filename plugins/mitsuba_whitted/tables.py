@@ -28,8 +28,12 @@ def stored(kind: Any, values: Any) -> Any:
     """Store an array of any shape, flat, where a kernel finds it; plain Python numbers in scalar variants."""
     if not dr.is_jit_v(mi.Float):
         return values.ravel().tolist()
-    table = kind(np.ascontiguousarray(values, np.uint32 if kind is mi.UInt32 else np.float32).ravel())
-    dr.make_opaque(table)  # a table of a single number would else be a constant of the kernel
+    flat = np.ascontiguousarray(values, np.uint32 if kind is mi.UInt32 else np.float32).ravel()
+    # A copy in Dr.Jit's own memory. Numpy's would be shared, and may be aligned less: a gather of pairs is then
+    # compiled otherwise, so that the kernel would depend on where numpy happened to allocate.
+    table = dr.empty(kind, len(flat))
+    dr.scatter(table, kind(flat), dr.arange(mi.UInt32, len(flat)), mode=dr.ReduceMode.Permute)
+    dr.eval(table)
     return table
 
 

@@ -22,7 +22,7 @@ from whitted_validation.refusal import Refusal
 MAX_DEPTH = 64  # of elements: scenes need about ten; Mitsuba's recursion ends the process at some thousands
 MAX_INCLUDES = 15  # one inside another, as in Mitsuba
 MAX_TEXT = 1 << 20  # characters of one attribute after $substitution: ten nested tenfold ones would make 1e10
-MAX_PIXELS = 1 << 28  # of a film: 16384 x 16384; the picture alone takes 3 GiB as float32 RGB
+MAX_PIXELS = 1 << 28  # of a film: 16384 x 16384; picture and film take 28 bytes a pixel, 7 GiB
 MAX_SAMPLES = 64 * 64  # of a pixel: by then an edge is right to 1/64 of a pixel in both directions
 AXIS_ERROR = 2.0**-22  # of its length: the three components of a unit axis, each rounded to float32, stay below
 
