@@ -116,12 +116,14 @@ def test_every_scene_has_three_probes_of_which_no_two_are_alike(scene: str) -> N
 @pytest.mark.parametrize("scene", SCENES)
 def test_probes_are_what_was_derived(any_variant: str, scene: str) -> None:
     drawn = picture(any_variant, scene)
-    wrong = []
+    wrong, worst = [], 0.0
     for probe in probes_of(scene):
         window, colour = drawn.window(probe.x, probe.y)
         error, limit = np.abs(colour - expected(probe)), bound(probe, window, expected(probe))
+        worst = max(worst, float(np.divide(error, limit, out=np.zeros_like(error), where=error > 0).max()))
         if not (error <= limit).all():
             wrong.append(f"{probe}: got {colour}, error {error}, bound {limit}")
+    print(f"\n{scene}, {any_variant}: largest error {worst:.3f} of its bound")
     assert not wrong, "\n".join(wrong)
 
 

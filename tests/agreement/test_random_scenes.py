@@ -1,0 +1,35 @@
+"""Random scenes of everything that the model defines have no unexplained pixel."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import mitsuba as mi
+import pytest
+
+from whitted_validation.random_scenes import write
+from whitted_validation.validation import Here, validate
+
+SEEDS = range(1000, 1024)  # not those of the command's own campaign
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_random_scene_has_no_unexplained_pixel(llvm_ad_rgb: str, seed: int, tmp_path: Path) -> None:
+    file, _ = write(tmp_path, seed, 24, 18)
+    verdict = validate(file, executor=Here(), variant=llvm_ad_rgb)
+    mi.set_log_level(mi.LogLevel.Warn)
+    assert verdict.good, verdict.judgement.differences[:3]
+
+
+def test_two_hundred_seeds_cover_every_feature_twenty_times(tmp_path: Path) -> None:
+    features: Counter[str] = Counter()
+    for seed in range(200):
+        features.update(write(tmp_path, seed)[1])
+    assert {name: times for name, times in features.items() if times < 20} == {}
+    assert len(features) == 47
+    assert features["contacts"] == features["apart"] == 100
+
+
+def test_a_seed_always_gives_the_same_scene(tmp_path: Path) -> None:
+    assert write(tmp_path, 5)[0].read_bytes() == write(tmp_path, 5)[0].read_bytes()
