@@ -1,6 +1,6 @@
 """Random scenes of everything that the picture's definition knows, and their verdicts.
 
-    python -m whitted_validation.random_scenes [--count 200] [--first 0] [--size 40x30]
+    python -m whitted_validation.random_scenes [--count 200] [--first 0] [--keep DIR]
 
 judges scenes of consecutive seeds, prints how often each feature occurred, and ends with 1 if a pixel is
 unexplained. Every second scene is built of contacts: bodies that touch, stand on the floor or lie within

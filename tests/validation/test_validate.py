@@ -1,0 +1,168 @@
+"""`whitted validate`: exit codes, results.json, the page, and the Python API."""
+
+from __future__ import annotations
+
+import html.parser
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import whitted_validation
+from whitted_validation.cli import run
+from whitted_validation.refusal import Refusal
+from whitted_validation.validation import Here
+
+SCENE = """<scene version="3.0.0"><integrator type="whitted"/>
+  <sensor type="perspective"><film type="hdrfilm"><integer name="width" value="12"/><integer name="height" value="8"/>
+    <rfilter type="box"/></film></sensor>
+  <emitter type="point" id="lamp"><point name="position" value="0, 3, 2"/><rgb name="intensity" value="9"/></emitter>
+  <shape type="sphere" id="ball"><point name="center" value="0, 0, 5"/></shape>EXTRA</scene>"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path, llvm_ad_rgb: str, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Write a small scene, with the cache beside it."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    file = tmp_path / "<i>ball & co.xml"
+    file.write_text(SCENE.replace("EXTRA", ""))
+    return file
+
+
+def judged(arguments: list[str]) -> int:
+    code = run(["validate", *arguments])
+    mi.set_log_level(mi.LogLevel.Warn)
+    return code
+
+
+def test_a_good_scene_ends_with_0_and_a_complete_report(scene: Path, tmp_path: Path) -> None:
+    assert judged([str(scene), "--report", str(tmp_path / "report")]) == 0
+    results = json.loads((tmp_path / "report/results.json").read_text())
+    assert (results["schema"], results["exit"], results["complete"]) == (1, 0, True)
+    (facts,) = results["scenes"]
+    assert facts["pixels"] == {"equal": 96, "explained": 0, "unexplained": 0}
+    assert sum(facts["certified"][means] for means in ("propagated", "sampled", "chaotic")) == 96
+    assert facts["error"]["largest"] <= facts["bound"]["largest"]
+    assert sorted(file.name for file in (tmp_path / "report").iterdir()) == ["report.html", "results.json"]
+
+
+class Page(html.parser.HTMLParser):
+    """Collects what a page would load, and its text."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.sources: list[str] = []
+        self.text = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note a tag and what it refers to."""
+        self.tags.append(tag)
+        self.sources += [value or "" for name, value in attrs if name in ("src", "href")]
+
+    def handle_data(self, data: str) -> None:
+        """Note text."""
+        self.text += data
+
+
+def test_the_page_loads_nothing_and_names_are_escaped(scene: Path, tmp_path: Path) -> None:
+    judged([str(scene), "--report", str(tmp_path / "report")])
+    page = Page()
+    page.feed((tmp_path / "report/report.html").read_text())
+    assert len(page.sources) == 4
+    assert all(source.startswith("data:image/png;base64,") for source in page.sources)
+    assert not {"i", "script", "link"} & set(page.tags)
+    assert "<i>ball & co" in page.text
+    assert "0 of 96 pixels in 1 scene(s) are unexplained" in page.text
+
+
+def test_another_picture_ends_with_1_and_the_worst_pixel_first(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture = whitted_validation.validate(scene, executor=Here()).judgement.picture
+    picture[4, 6] += 0.25
+    picture[3, 5] += 0.125
+    np.save(tmp_path / "other.npy", picture)
+    mi.Bitmap(picture.astype(np.float32)).write(str(tmp_path / "other.exr"))
+    for name in ("other.npy", "other.exr"):
+        assert judged([str(scene), "--against", str(tmp_path / name), "--report", str(tmp_path)]) == 1
+        (facts,) = json.loads((tmp_path / "results.json").read_text())["scenes"]
+        assert [(d["x"], d["y"], d["status"]) for d in facts["differences"]] == [
+            (6, 4, "unexplained"),
+            (5, 3, "unexplained"),
+        ]
+    assert "2 unexplained" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("extra", "words"),
+    [
+        ('<emitter type="constant" id="a"/><shape type="sphere"><bsdf type="plastic" id="p"/></shape>', "not judged"),
+        ('<shape type="sphere"><float name="radius" value="-1"/></shape>', "radius"),
+    ],
+)
+def test_what_the_reference_does_not_know_ends_with_2(
+    scene: Path, extra: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene.write_text(SCENE.replace("EXTRA", extra))
+    assert judged([str(scene)]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert "Traceback" not in error
+
+
+def test_a_bad_scene_does_not_hide_a_good_one(scene: Path, tmp_path: Path) -> None:
+    other = tmp_path / "bad.xml"
+    other.write_text(SCENE.replace("EXTRA", '<shape type="sphere"><bsdf type="plastic"/></shape>'))
+    assert judged([str(other), str(scene), "--report", str(tmp_path)]) == 2
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert len(results["scenes"]) == len(results["not_judged"]) == 1
+    assert "not judged" in results["not_judged"][0]["why"]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["--all", "lambert"],
+        ["lambert", "--size", "12"],
+        ["lambert", "--size", "0x12"],
+        ["lambert", "--grid", "0"],
+        ["lambert", "gold", "--against", "a.npy"],
+        ["lambert", "--against", "a.png"],
+        ["lambert", "--against", "missing.npy"],
+        ["lambert", "-s", "7", "--size", "4x4"],
+        ["lambert", "-m", "llvm_ad_mono", "--size", "4x4"],
+        ["no_such_scene"],
+    ],
+)
+def test_misuse_ends_with_2_and_one_line(
+    arguments: list[str], llvm_ad_rgb: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert judged(arguments) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if "lights no surface" not in line]
+    assert lines[-1].startswith("whitted: ")
+    assert "Traceback" not in "".join(lines)
+
+
+def test_size_grid_and_sensor_reach_both_programs(scene: Path) -> None:
+    verdict = whitted_validation.validate(scene, size=(10, 6), grid=2, executor=Here())
+    assert verdict.good
+    assert verdict.judgement.picture.shape == (6, 10, 3)
+    with pytest.raises(Refusal, match="-s 3"):
+        whitted_validation.validate(scene, sensor=3, executor=Here())
+
+
+def test_a_verdict_shows_itself(scene: Path) -> None:
+    verdict = whitted_validation.validate(scene, executor=Here())
+    assert str(verdict).endswith("0 unexplained, 0 explained, 96 equal of 12 x 8 pixels")
+    assert verdict._repr_html_().count("data:image/png") == 4
+
+
+def test_importing_the_package_is_light() -> None:
+    code = "import sys, whitted_validation; print({'numpy', 'mitsuba'} & set(sys.modules))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "set()"
