@@ -173,7 +173,8 @@ class Alternatives:
     def _may_turn(self, decision: Decision, node: RayNode, step: Step) -> bool:
         what, light = decision.key.what, decision.key.light
         if what == "facing":
-            return abs(decision.margin) <= step.facing
+            # What a ray is made to meet counts as seen from the front; the back of a face is as possible.
+            return abs(decision.margin) <= step.facing or (node.forced and decision.margin < 0.0)
         if what == "mirror":
             return abs(decision.margin) <= step.mirror
         arrival = step.lights.get(light)

@@ -85,7 +85,8 @@ class Shaken(Follower):
         terms = super().textured(side, (uv[0] + self._draw(COORDINATE), uv[1] + self._draw(COORDINATE)))
         node = self._stack[-1]
         if self._slopes.varies(self.primitives[node.primitive].surface.id, node.front):
-            terms = replace(terms, **{name: self._shaken(getattr(terms, name)) for name in COLOURS})
+            shaken: dict[str, Any] = {name: self._shaken(getattr(terms, name)) for name in COLOURS}
+            terms = replace(terms, **shaken)
         node.terms = terms
         return terms
 
