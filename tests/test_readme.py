@@ -46,7 +46,8 @@ def test_every_command_and_option_named_exists() -> None:
     commands = set(re.findall(r"`(?:\.venv/bin/)?whitted ([a-z]+)", README))
     listed = set(re.findall(r"^  ([a-z]+)  ", _help(), re.MULTILINE))
     assert commands <= listed
-    options = {option for line in README.splitlines() if "whitted" in line for option in re.findall(r"--[a-z-]+", line)}
+    lines = [line for line in README.splitlines() if re.search(r"`(?:\.venv/bin/)?whitted ", line)]
+    options = {option for line in lines for option in re.findall(r"--[a-z-]+", line)}
     known = {option for command in listed for option in re.findall(r"--[a-z-]+", _help(command))}
     assert options - known == set()
 

@@ -46,6 +46,7 @@ def _load(
     return mi.load_string(
         f"""<scene version="3.0.0"><integrator type="whitted" id="whitted">{integrator}</integrator>
         {sensor.format(film=_film(*size, film))}{body}</scene>""",
+        parallel=False,  # else the log of one thread and the interpreter of another can wait for each other
         optimize=False,
     )
 

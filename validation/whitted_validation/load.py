@@ -61,7 +61,9 @@ def load(seen: Scene, folders: Sequence[Path], defines: Mapping[str, str], senso
         resolver.append(folder)
     mi.set_file_resolver(resolver)  # type: ignore[operator]  # likewise
     try:
-        scene = mi.load_file(str(seen.file), optimize=False, **defines)  # type: ignore[arg-type]  # keywords
+        # One thread: a plugin in Python that logs holds the interpreter and waits for the log, while another
+        # thread's message holds the log and waits for the interpreter, to be heard by `messages`.
+        scene = mi.load_file(str(seen.file), parallel=False, optimize=False, **defines)  # type: ignore[arg-type]
     except (RuntimeError, ValueError, TypeError) as error:
         raise messages.refusal(error, seen) from None
     finally:
