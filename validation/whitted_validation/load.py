@@ -63,7 +63,7 @@ def load(seen: Scene, folders: Sequence[Path], defines: Mapping[str, str], senso
     try:
         # One thread: a plugin in Python that logs holds the interpreter and waits for the log, while another
         # thread's message holds the log and waits for the interpreter, to be heard by `messages`.
-        scene = mi.load_file(str(seen.file), parallel=False, optimize=False, **defines)  # type: ignore[arg-type]
+        scene = mi.load_file(str(seen.file), parallel=False, optimize=False, **defines)
     except (RuntimeError, ValueError, TypeError) as error:
         raise messages.refusal(error, seen) from None
     finally:
