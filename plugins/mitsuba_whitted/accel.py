@@ -39,7 +39,7 @@ class Accel:
 
     def __init__(self, graph: SceneGraph, shapes: list[mi.Shape]) -> None:
         row_of = {shape: row for row, shape in enumerate(shapes)}
-        contents: list[Any] = [shape for shape in graph.shapes if shape not in graph.instances]
+        contents: list[Any] = list(graph.plain)
         placed = [[row_of[shape], 0] for shape in contents]
         triangles: list[tuple[list[int], NDArray[Any], NDArray[Any]]] = []
         ellipsoids: list[tuple[list[int], Any, Any]] = []

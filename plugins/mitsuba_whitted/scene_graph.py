@@ -45,8 +45,8 @@ class SceneGraph:
         }
         """The shapes of each group, in the order in which Mitsuba numbers them."""
         self.instances = [shape for shape in self.shapes if shape.class_name() == "Instance"]
-        plain = [shape for shape in self.shapes if shape.class_name() != "Instance"]
-        self.all_shapes = plain + [member for group in self.groups for member in self.members[group]]
+        self.plain = [shape for shape in self.shapes if shape.class_name() != "Instance"]
+        self.all_shapes = self.plain + [member for group in self.groups for member in self.members[group]]
         """Every shape that a ray can meet."""
         self.group_of = self._groups_of_instances()
         self.bsdfs = [shape.bsdf() for shape in self.all_shapes]
