@@ -128,7 +128,7 @@ def _bounce(stage: Stage, plan: Plan, ray: _Ray, note: Note) -> _Ray:
         shines = sees_lamps & in_front
         colour = dr.select(shines, stage.emission.at(hit.shape, si, shines), colour)
 
-    note("surface", found=found, hit=hit, n=n, n_g=n_g, in_front=in_front, behind=behind, emitted=colour)
+    note("surface", pi=pi, found=found, p=hit.p, n=n, n_g=n_g, in_front=in_front, behind=behind, emitted=colour)
 
     lit = (in_front | behind) & (depth < stage.max_depth)
     material = stage.materials.row_of(hit.shape, behind, lit)
