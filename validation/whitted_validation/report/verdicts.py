@@ -26,7 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whitted_validation.report.page import write
-from whitted_validation.report.sections import Cell, Group, Picture, Section, Sentence, Table
+from whitted_validation.report.pair import pair
+from whitted_validation.report.sections import Cell, Group, Section, Sentence, Table
 from whitted_validation.report.viewer import Viewer
 from whitted_validation.report.words import of_everything, of_scene, why
 from whitted_validation.validation import Verdict
@@ -187,13 +188,5 @@ def viewer(verdict: Verdict, explained: Explained | None = None) -> Viewer:
 
 def pictures(verdict: Verdict) -> str:
     """Return A, B and the error as plain pictures, for a notebook."""
-    judgement = verdict.judgement
-    with np.errstate(divide="ignore"):
-        error = np.clip(1.0 + np.log10(error_of(verdict)) / 8.0, 0.0, 1.0)
-    grey = np.repeat((255.0 * error + 0.5).astype(np.uint8)[:, :, None], 3, axis=2)
-    shown = (
-        Picture(judgement.picture, f"A: {verdict.against or 'plugin, ' + verdict.variant}"),
-        Picture(judgement.bounds.colour, "B: reference"),
-        Picture(grey, "|A - B|, logarithmic: black 1e-8, white 1"),
-    )
-    return "".join(picture.html() for picture in shown)
+    names = verdict.against or f"plugin, {verdict.variant}", "reference"
+    return pair(verdict.judgement.picture, verdict.judgement.bounds.colour, names)

@@ -68,7 +68,7 @@ class Viewer:
         step = 1
         while -(-height // step) * -(-width // step) > MOST_PIXELS:
             step += 1
-        rows, columns = _worst_of_blocks(self.a, self.b, step)
+        rows, columns = worst_of_blocks(self.a, self.b, step)
 
         def shown(plane: NDArray[Any]) -> NDArray[Any]:
             return plane[rows, columns]
@@ -107,7 +107,7 @@ class Viewer:
         }
 
 
-def _worst_of_blocks(
+def worst_of_blocks(
     a: NDArray[np.floating], b: NDArray[np.floating], step: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return rows and columns of the pixels to show: all, or the one with the largest error of each block."""
