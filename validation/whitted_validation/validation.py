@@ -41,6 +41,7 @@ class Verdict:
     grid : samples per pixel are grid x grid
     judgement : pictures, bounds, status and differences
     seconds : what it took
+    description, sensor : what was traced, as the reference reads it, and from which of its sensors
     """
 
     scene: Path
@@ -49,6 +50,8 @@ class Verdict:
     grid: int
     judgement: Judgement
     seconds: float
+    description: whitted_reference.Scene
+    sensor: int
 
     @property
     def good(self) -> bool:
@@ -161,7 +164,7 @@ def validate(
     except whitted_reference.SceneError as error:
         raise Refusal(str(error)) from None
     seconds = time.perf_counter() - start
-    return Verdict(file, drawn_by, "" if against is None else str(against), grid, judgement, seconds)
+    return Verdict(file, drawn_by, "" if against is None else str(against), grid, judgement, seconds, scene, sensor)
 
 
 @contextmanager
