@@ -10,7 +10,7 @@ from fractions import Fraction
 import pytest
 
 from whitted_reference import Tracer
-from whitted_reference.margins import passing
+from whitted_reference.margins import margin
 from whitted_reference.ray_tree import Key, Recorder
 from whitted_reference.vectors import add, cross, scaled
 
@@ -60,7 +60,7 @@ def test_margin_is_the_distance_by_which_a_ray_may_move_before_it_meets_or_misse
         def meets(e, d=d, primitive=primitive) -> bool:
             return primitive.hit(*e, *d, -100.0, 100.0) is not None
 
-        found = passing(primitive, e, d).margin
+        found = margin(primitive, e, d).distance
         before = meets(e)
         assert (found > 0) == before
         by = abs(found)

@@ -44,14 +44,25 @@ class Passing:
     kind: str
     places: tuple[Place, ...]
 
-    @property
-    def margin(self) -> float:
-        """Bound the distance by which the line may move before it meets what it misses, or the reverse."""
-        ends = [place.distance for place in self.places]
-        met = max((x for x in ends if x > 0.0), default=None)
-        if self.distance <= 0.0:
-            return self.distance
-        return max(ends) if met is None else min(self.distance, met)
+
+@dataclass(frozen=True)
+class Margin:
+    """Bound of the distance by which a line may move before it meets what it misses, or the reverse; where; of what."""
+
+    distance: float
+    t: float
+    kind: str
+
+
+def margin(primitive: Primitive, e: Vec, d: Vec) -> Margin | None:
+    """Return the margin of the ray's whole line, behind e included; None if it is parallel to a plane or tube."""
+    near = passing(primitive, e, d)
+    if near is None:
+        return None
+    met = max(near.places, key=lambda place: place.distance)  # while this one is met, the primitive is
+    if met.distance < near.distance:
+        return Margin(met.distance, met.t, met.kind)
+    return Margin(near.distance, near.places[0].t, near.kind)
 
 
 def passing(primitive: Primitive, e: Vec, d: Vec) -> Passing | None:
