@@ -19,7 +19,7 @@ from typing import Any
 
 import click
 
-from whitted_validation import picture_files, scene_files, validate_command
+from whitted_validation import compare_command, picture_files, scene_files, validate_command
 from whitted_validation.refusal import Refusal
 from whitted_validation.request import Request
 
@@ -190,6 +190,7 @@ def doctor() -> None:
 
 
 validate_command.add_to(whitted, _defines, _folders)
+whitted.add_command(compare_command.compare)
 
 
 def _render_reference(
