@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from whitted_validation.report.sections import short
 
 WIDTH, HEIGHT = 640, 340
-LEFT, RIGHT, TOP, BOTTOM = 76, 16, 14, 52
+LEFT, RIGHT, TOP, BOTTOM = 76, 16, 20, 52
 MOST_TICKS = 9
 COLOURS = 6  # classes series-0 ... of page.css; more series than that repeat them with other dashes
 
@@ -131,6 +131,11 @@ class Bars:
                 )
                 base[place] += value
             drawn.append(f'<g class="series-{index % COLOURS}">{"".join(rectangles)}</g>')
+        sums = "".join(
+            f'<text x="{LEFT + pitch * (place + 0.5):.1f}" y="{y(total) - 5:.1f}" text-anchor="middle">{short(total)}</text>'
+            for place, total in enumerate(totals)
+            if total
+        )
         every = math.ceil(len(self.labels) / 16)
         labels = "".join(
             f'<text x="{LEFT + pitch * (place + 0.5):.1f}" y="{HEIGHT - BOTTOM + 18}" text-anchor="middle">'
@@ -139,7 +144,7 @@ class Bars:
             if place % every == 0
         )
         return _figure(
-            self.title, _frame(None, y, self.x_label, self.y_label, ()) + "".join(drawn) + labels, self.series
+            self.title, _frame(None, y, self.x_label, self.y_label, ()) + "".join(drawn) + sums + labels, self.series
         )
 
 

@@ -108,12 +108,14 @@ function markUnequal(context, viewer) {
   for (const i of listed) {
     const [x, y] = [(i % pair.width - left) * scale, (Math.floor(i / pair.width) - top) * scale];
     if (x < -scale || y < -scale || x > viewer.wide || y > viewer.tall) continue;
-    context.strokeStyle = `rgb(${hues[pair.status[i]]})`;
-    context.lineWidth = 2;
     context.beginPath();
     if (scale < 8) context.arc(x + scale / 2, y + scale / 2, 7, 0, 2 * Math.PI);
     else context.rect(x + 1, y + 1, scale - 2, scale - 2);
-    context.stroke();
+    for (const [hue, wide] of [["#fffc", 4.5], [`rgb(${hues[pair.status[i]]})`, 2.5]]) {
+      context.strokeStyle = hue;
+      context.lineWidth = wide;
+      context.stroke();
+    }
   }
 }
 

@@ -22,7 +22,7 @@ def of_everything(scenes: Sequence[Mapping[str, Any]], refused: int, complete: b
     totals = {name: sum(s["pixels"][name] for s in scenes) for name in ("equal", "explained", "unexplained")}
     pixels = sum(totals.values())
     where = _many(len(scenes), "scene")
-    said = f"{_agreeing(totals['equal'], pixels)} in {where}" if scenes else "No scene was judged"
+    said = f"{_agreeing(totals['equal'], pixels)} in {where}" if scenes else "No scene is judged yet"
     if totals["explained"]:
         said += f"; {totals['explained']:,} differ where rounding may turn a decision"
     if totals["unexplained"]:
@@ -42,7 +42,7 @@ def of_scene(scene: Mapping[str, Any], differences: Sequence[Difference]) -> str
     if explained:
         places = Counter(place(d.reasons[0]) for d in explained).most_common()
         if len(places) == 1:
-            share = "" if len(explained) == 1 else "all "
+            share = {1: "", 2: "both "}.get(len(explained), "all ")
             said += f"; {_differ(len(explained))}, {share}{places[0][0]}"
         else:
             named = [f"{count:,} {where}" for where, count in places[:MOST_PLACES]]
