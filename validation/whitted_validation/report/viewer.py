@@ -73,9 +73,9 @@ class Viewer:
         def shown(plane: NDArray[Any]) -> NDArray[Any]:
             return plane[rows, columns]
 
-        a, b = shown(self.a).astype(np.float32), shown(self.b).astype(np.float64)
+        b = shown(self.b).astype(np.float64)
         with np.errstate(over="ignore"):
-            near = b.astype(np.float32)
+            a, near = shown(self.a).astype(np.float32), b.astype(np.float32)
         planes = {}
         for channel in range(3):
             a_bits, b_bits = _bits(a[..., channel]), _bits(near[..., channel])
