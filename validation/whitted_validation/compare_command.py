@@ -35,6 +35,10 @@ def compare(
         click.echo(f"whitted: {remark}", err=True)
     click.echo(str(comparison))
     exceeded = comparison.exceeded(max_error, max_rmse)
+    if report is not None:
+        from whitted_validation.compare_report import write_comparison
+
+        write_comparison(Path(report), comparison, max_error, max_rmse)
     for line in exceeded:
         click.echo(f"whitted: {line}", err=True)
     return 1 if exceeded else 0

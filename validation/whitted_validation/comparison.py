@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from whitted_validation.flip import Flip, flip
 from whitted_validation.picture_reading import Picture, from_array, read_picture
 from whitted_validation.refusal import Refusal
+from whitted_validation.report.pair import pair
 
 PER_MILLE = (500, 900, 990, 999)  # the percentiles that are given, as whole numbers
 SHARE_ABOVE = 1e-3
@@ -77,9 +78,30 @@ class Comparison:
     flip: Flip
 
     @property
+    def rgb(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+        """A and B with three channels, (height, width, 3), luminance as grey."""
+        shape = (*self.error.shape, 3)
+        return np.broadcast_to(self.a.values, shape), np.broadcast_to(self.b.values, shape)
+
+    @property
     def remarks(self) -> tuple[str, ...]:
         """What was chosen or left out when the pictures were read."""
         return self.a.remarks + self.b.remarks
+
+    @property
+    def sentence(self) -> str:
+        """What came out, in words."""
+        pixels = self.error.size
+        if self.equal == pixels:
+            return f"All {pixels:,} pixels are equal."
+        wild = pixels - int(np.count_nonzero(np.isfinite(self.error)))
+        first = f"{wild:,} of {pixels:,} pixels cannot be compared, for nan or infinity; " if wild else ""
+        if wild == pixels:
+            return f"None of the {pixels:,} pixels can be compared, for nan or infinity."
+        return (
+            f"{first}{self.equal:,} of {pixels:,} pixels are equal; the largest error is {self.finite_largest:.3g}, the "
+            f"RMSE {self.finite_rmse:.3g}, and {self.above - wild:,} differ by more than {SHARE_ABOVE:g}."
+        )
 
     def exceeded(self, max_error: float | None = None, max_rmse: float | None = None) -> list[str]:
         """Return a line for each limit that is given and exceeded."""
@@ -131,7 +153,7 @@ class Comparison:
         rows = "".join(
             f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in self.table
         )
-        return f"<table>{rows}</table>"
+        return f"<p>{html.escape(self.sentence)}</p>{pair(*self.rgb, (self.a.name, self.b.name))}<table>{rows}</table>"
 
 
 def colour(values: tuple[float, ...]) -> str:
