@@ -99,8 +99,8 @@ class Comparison:
         if wild == pixels:
             return f"None of the {pixels:,} pixels can be compared, for nan or infinity."
         return (
-            f"{first}{self.equal:,} of {pixels:,} pixels are equal; the largest error is {self.finite_largest:.3g}, the "
-            f"RMSE {self.finite_rmse:.3g}, and {self.above - wild:,} differ by more than {SHARE_ABOVE:g}."
+            f"{first}{self.equal:,} of {pixels:,} pixels are equal; the largest error is {self.finite_largest:.3g}, "
+            f"the RMSE {self.finite_rmse:.3g}, and {self.above - wild:,} differ by more than {SHARE_ABOVE:g}."
         )
 
     def exceeded(self, max_error: float | None = None, max_rmse: float | None = None) -> list[str]:
