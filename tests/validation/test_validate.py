@@ -136,7 +136,7 @@ def test_a_bad_scene_does_not_hide_a_good_one(scene: Path, tmp_path: Path) -> No
         ["lambert", "--against", "a.png"],
         ["lambert", "--against", "missing.npy"],
         ["lambert", "-s", "7", "--size", "4x4"],
-        ["lambert", "-m", "llvm_ad_mono", "--size", "4x4"],
+        ["lambert", "-m", "llvm_ad_spectral", "--size", "4x4"],
         ["no_such_scene"],
     ],
 )

@@ -143,7 +143,8 @@ def validate(
     request = Request(str(scene_file), variant, dict(defines or {}), list(folders), None, 0)
     file = request.seen.file
     try:
-        scene = whitted_reference.load(file, request.defines, request.folders)
+        grey = (variant or "").endswith("_mono")
+        scene = whitted_reference.load(file, request.defines, request.folders, grey)
         if not 0 <= sensor < len(scene.sensors):
             raise Refusal(f"{file}: has {len(scene.sensors)} sensor(s), counted from 0; there is no -s {sensor}")
         if size is not None:
@@ -182,11 +183,12 @@ def _drawn(request: Request, size: tuple[int, int] | None, grid: int, sensor: in
     from whitted_validation import render
 
     variant = str(mi.variant())
-    if not variant.endswith("_rgb"):
-        raise Refusal(f"-m {variant}: pictures are judged in rgb variants")
+    if not variant.endswith(("_rgb", "_mono")):
+        raise Refusal(f"-m {variant}: pictures are judged in rgb and mono variants")
     if size is not None:
         render.resize(loaded, size)
-    return render.render(loaded, grid).astype(np.float64), variant
+    picture = render.render(loaded, grid).astype(np.float64)
+    return np.repeat(picture, 3 // picture.shape[2], axis=2), variant  # of grey, three equal channels
 
 
 def _given_picture(path: Path) -> NDArray[np.float64]:
