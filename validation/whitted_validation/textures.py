@@ -17,8 +17,9 @@ from whitted_validation.roundoffs import U
 
 COLOURS = ("ambient", "diffuse", "specular", "mirror")
 TERMS = (*COLOURS, "exponent")
-# A byte's linear value: a power of base 2.4 of it, by a logarithm and an exponential; relative to 1.
-DECODED = 8 * U
+# A byte's linear value: a power of base 2.4 of it, by a logarithm and an exponential (8), and the luminance of
+# three, where colours stand for it (3); relative to 1.
+DECODED = 11 * U
 
 Slope = Callable[[float, float], tuple[float, float]]  # (u, v) -> largest change per unit of u and of v
 
