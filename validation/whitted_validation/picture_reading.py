@@ -104,7 +104,15 @@ def from_array(array: Any, name: str) -> Picture:
 
 
 def _read_npy(path: Path, name: str, _start: bytes, _layer: str | None) -> Picture:
-    return from_array(np.lib.format.open_memmap(path, mode="r"), name)  # takes no pickled objects
+    try:
+        array = np.lib.format.open_memmap(path, mode="r")  # never runs what pickled objects would
+    except OSError:
+        raise
+    except Exception:  # the header is a line of Python, and a broken one fails in many ways
+        raise Refusal(f"{name}: is damaged, or holds no plain numbers") from None
+    if array.ndim >= 2:
+        _check_size(name, array.shape[1], array.shape[0])
+    return from_array(array, name)
 
 
 def _read_png(path: Path, name: str, start: bytes, _layer: str | None) -> Picture:
@@ -192,7 +200,7 @@ def _check_kinds(name: str, header: ExrHeader, wanted: set[str]) -> None:
         if header.channels[channel] not in (kind, "half"):
             raise Refusal(
                 f"{name}: channel {printable(channel)} is {header.channels[channel]}, but {printable(first)}, the first"
-                f" by name, {kind}, and all are read like the first; store all as float"
+                f" by name, is {kind}, and all are read like the first; store all as float"
             )
 
 
@@ -223,7 +231,13 @@ def _bitmap(path: Path) -> Any:
         str(path).encode()
     except UnicodeEncodeError:
         raise Refusal(f"{printable(path)}: its name is not UTF-8; rename it") from None
-    return mi.Bitmap(str(path))
+    logger = mi.logger()  # type: ignore[operator]  # its stub takes the function for an object
+    level = logger.log_level()
+    logger.set_log_level(mi.LogLevel.Error)  # libpng warns of what it can do without, and fails on all else
+    try:
+        return mi.Bitmap(str(path))
+    finally:
+        logger.set_log_level(level)
 
 
 _READERS: dict[bytes, Callable[[Path, str, bytes, str | None], Picture]] = {
