@@ -132,11 +132,12 @@ class Bars:
                 base[place] += value
             drawn.append(f'<g class="series-{index % COLOURS}">{"".join(rectangles)}</g>')
         sums = "".join(
-            f'<text x="{LEFT + pitch * (place + 0.5):.1f}" y="{y(total) - 5:.1f}" text-anchor="middle">{short(total)}</text>'
+            f'<text x="{LEFT + pitch * (place + 0.5):.1f}" y="{y(total) - 5:.1f}" text-anchor="middle">'
+            f"{short(total)}</text>"
             for place, total in enumerate(totals)
             if total
         )
-        every = math.ceil(len(self.labels) / 16)
+        every = math.ceil(len(self.labels) / MOST_TICKS)
         labels = "".join(
             f'<text x="{LEFT + pitch * (place + 0.5):.1f}" y="{HEIGHT - BOTTOM + 18}" text-anchor="middle">'
             f"{html.escape(label)}</text>"

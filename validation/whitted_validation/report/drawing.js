@@ -9,11 +9,11 @@ const RAMP = [[20, 20, 54], [82, 28, 120], [168, 46, 110], [230, 92, 60], [250, 
 
 const isDark = () => matchMedia("(prefers-color-scheme: dark)").matches && !matchMedia("print").matches;
 
-/** sRGB (IEC 61966-2-1), in bytes, of linear radiance. */
+/** sRGB (IEC 61966-2-1) of linear radiance, 0..255; the canvas rounds. */
 function coded(linear) {
   if (!(linear > 0)) return 0;
   if (linear >= 1) return 255;
-  return 255 * (linear <= 0.0031308 ? 12.92 * linear : 1.055 * linear ** (1 / 2.4) - 0.055) + 0.5;
+  return 255 * (linear <= 0.0031308 ? 12.92 * linear : 1.055 * linear ** (1 / 2.4) - 0.055);
 }
 
 /** Colour of a share 0..1 of the error scale. */

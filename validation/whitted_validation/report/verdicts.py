@@ -125,7 +125,7 @@ def _scene(verdict: Verdict, seen: Seen) -> dict[str, Any]:
         "error": {"median": float(np.median(error)), "largest": float(error.max())},
         "bound": {"median": float(np.median(bound)), "largest": float(bound.max())},
         "by_bounce": [_bounce(verdict, error, seen.bounces == k, int(k)) for k in np.unique(seen.bounces)],
-        "differences": [_difference(d) for d in judgement.differences[:MOST_LISTED]],
+        "differences": [_difference(d, error[d.y, d.x]) for d in judgement.differences[:MOST_LISTED]],
     }
     return {"sentence": of_scene(facts, judgement.differences), **facts}
 
@@ -148,15 +148,16 @@ def _bounce(verdict: Verdict, error: NDArray[np.float64], there: NDArray[np.bool
     }
 
 
-def _difference(d: Difference) -> dict[str, Any]:
+def _difference(d: Difference, largest: float) -> dict[str, Any]:
+    finite = bool(np.isfinite(largest))
     return {
         "x": d.x,
         "y": d.y,
         "status": d.status.name.lower(),
-        "error": d.error,
+        "error": d.error if finite else largest,
         "bound": d.bound,
         "reasons": list(d.reasons),
-        "told": why(d),
+        "told": why(d, finite),
         "alternatives": d.alternatives,
         "complete": d.complete,
     }
@@ -206,7 +207,7 @@ def _table(scenes: Sequence[tuple[Mapping[str, Any], str]]) -> Table:
         rows.append(
             [
                 Cell(title, to=title),
-                f"{scene['width']} x {scene['height']}",
+                f"{scene['width']}\N{NO-BREAK SPACE}x\N{NO-BREAK SPACE}{scene['height']}",
                 Cell(pixels["unexplained"], "bad" if pixels["unexplained"] else ""),
                 pixels["explained"],
                 pixels["equal"],
@@ -225,7 +226,7 @@ def _about(judged: Judged) -> list[Section]:
 def viewer(judged: Judged) -> Viewer:
     """Return the pictures of a scene, to be looked into."""
     verdict, seen = judged.verdict, judged.seen
-    judgement = verdict.judgement
+    judgement, finite = verdict.judgement, np.isfinite(verdict.judgement.picture).all(axis=2)
     return Viewer(
         judgement.picture,
         judgement.bounds.colour,
@@ -234,7 +235,7 @@ def viewer(judged: Judged) -> Viewer:
         status=judgement.status,
         numbers={"bounces": seen.bounces},
         labels={"object": (seen.object, seen.objects), "light": (seen.lights, seen.light_texts)},
-        told={f"{d.x},{d.y}": why(d) for d in judgement.differences},
+        told={f"{d.x},{d.y}": why(d, bool(finite[d.y, d.x])) for d in judgement.differences},
         explained=judged.explained,
     )
 

@@ -76,8 +76,10 @@ def place(reason: str) -> str:
     return f"on {'an' if kind[0] in 'aeiou' else 'a'} {kind} of `{shape}`{mirrored}"
 
 
-def why(difference: Difference) -> str:
-    """Answer a student's question: why the two differ here."""
+def why(difference: Difference, finite: bool = True) -> str:
+    """Answer a student's question: why the two differ here; `finite` tells whether A is made of numbers."""
+    if not finite:
+        return "Unexplained. A is infinite or no number here; the reference is finite."
     if difference.status == Status.UNEXPLAINED:
         tried = difference.alternatives - 1
         looked = (
