@@ -32,7 +32,7 @@ def _sample(stage: Stage, plan: Plan, rays: Rays) -> SampleSeen:
     heard: list[tuple[str, dict[str, Any]]] = []
 
     def note(what: str, **values: Any) -> None:
-        heard.append((what, values))
+        heard.append((what, dr.copy(values)))  # some are added to later, in place
 
     with dr.suspend_grad(), dr.scoped_set_flag(dr.JitFlag.SymbolicLoops, False):  # type: ignore[no-untyped-call]
         traced = trace(stage, plan, rays, mi.Bool(True), note)
