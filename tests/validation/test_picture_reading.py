@@ -105,6 +105,13 @@ def test_luminance_is_compared_with_luminance_only() -> None:
         compare("a.exr", RGB)
 
 
+def test_a_lone_channel_is_luminance_whatever_its_name() -> None:
+    exr("a.exr", {"beauty.L": RGB[..., 0]})
+    found = read_picture("a.exr")
+    assert equal(found, RGB[..., :1])
+    assert found.remarks == ("a.exr: its only channel beauty.L is taken for luminance",)
+
+
 def test_an_exr_without_colours_says_what_is_there() -> None:
     exr("a.exr", {"N.X": RGB[..., 0], "N.Y": RGB[..., 1], "N.Z": RGB[..., 2]})
     with pytest.raises(Refusal, match=r"there is `N\.X`, `N\.Y`, `N\.Z`"):
@@ -196,39 +203,41 @@ def png_head(width: int, height: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + header + struct.pack(">I", zlib.crc32(header))
 
 
-BROKEN = {
-    "text.exr": b"a text\n",
-    "empty.png": b"",
-    "pickle.npy": pickle.dumps(Trap()),
-    "zip.npy": b"PK\x03\x04" + bytes(64),
-    "cut.npy": shaped("(6, 8, 3)"),
-    "huge.npy": shaped("(1000000, 1000000, 3)"),
-    "negative.npy": shaped("(-1, 8, 3)"),
-    "none.npy": shaped("(0, 8, 3)"),
-    "flat.npy": shaped("(4,)"),
-    "two.npy": shaped("(2, 2, 2)"),
-    "code.npy": npy("{'descr': open('sprung', 'w')}\n"),
-    "open.npy": npy("(" * 5000),
-    "version.npy": b"\x93NUMPY\x09\x00" + bytes(64),
-    "bytes.npy": npy("{'descr': '|u1', 'fortran_order': False, 'shape': (2, 2, 3), }\n"),
-    "bomb.png": png_head(900_000, 900_000),
-    "cut.png": png_head(8, 6),
-    "cut.exr": b"\x76\x2f\x31\x01\x02\0\0\0chan",
-    "bomb.exr": exr_of({"Y": "f"}, (0, 0, 2**31 - 2, 2**31 - 2), 1.0),
-    "inside_out.exr": exr_of({"Y": "f"}, (5, 5, 0, 0), 1.0),
-    "deep.exr": b"\x76\x2f\x31\x01" + struct.pack("<I", 2 | 0x800) + bytes(64),
-    "long_name.exr": b"\x76\x2f\x31\x01\x02\0\0\0" + b"n" * 400,
-    "no_channels.exr": b"\x76\x2f\x31\x01\x02\0\0\0\0",
+BROKEN: dict[str, tuple[bytes, str]] = {
+    "text.exr": (b"a text\n", "is neither EXR"),
+    "empty.png": (b"", "is empty"),
+    "pickle.npy": (pickle.dumps(Trap()), "is neither EXR"),
+    "zip.npy": (b"PK\x03\x04" + bytes(64), "is neither EXR"),
+    "cut.npy": (shaped("(6, 8, 3)"), "is damaged"),
+    "huge.npy": (shaped("(1000000, 1000000, 3)"), "is damaged"),
+    "negative.npy": (shaped("(-1, 8, 3)"), "is damaged"),
+    "none.npy": (shaped("(0, 8, 3)"), "claims 8 x 0 pixels"),
+    "flat.npy": (shaped("(4,)"), "of shape (4,)"),
+    "two.npy": (shaped("(2, 2, 2)"), "of shape (2, 2, 2)"),
+    "code.npy": (npy("{'descr': open('sprung', 'w')}\n"), "is damaged"),
+    "open.npy": (npy("(" * 5000), "is damaged"),
+    "version.npy": (b"\x93NUMPY\x09\x00" + bytes(64), "is damaged"),
+    "bytes.npy": (npy("{'descr': '|u1', 'fortran_order': False, 'shape': (2, 2, 3), }\n"), "holds uint8"),
+    "bomb.png": (png_head(900_000, 900_000), "claims 900000 x 900000 pixels"),
+    "cut.png": (png_head(8, 6), "cannot be read"),
+    "cut.exr": (b"\x76\x2f\x31\x01\x02\0\0\0chan", "the file ends within its header"),
+    "bomb.exr": (exr_of({"Y": "f"}, (0, 0, 2**31 - 2, 2**31 - 2), 1.0), "claims 2147483647 x 2147483647 pixels"),
+    "inside_out.exr": (exr_of({"Y": "f"}, (5, 5, 0, 0), 1.0), "claims -4 x -4 pixels"),
+    "deep.exr": (b"\x76\x2f\x31\x01" + struct.pack("<I", 2 | 0x800) + bytes(64), "deep pixels"),
+    "long_name.exr": (b"\x76\x2f\x31\x01\x02\0\0\0" + b"n" * 400, "longer than 255 bytes"),
+    "no_channels.exr": (b"\x76\x2f\x31\x01\x02\0\0\0\0", "no channels or no size"),
 }
 
 
 @pytest.mark.parametrize("name", BROKEN)
 def test_what_is_no_picture_is_refused_in_a_line(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    Path(name).write_bytes(BROKEN[name])
+    content, words = BROKEN[name]
+    Path(name).write_bytes(content)
     np.save("b", RGB)
     assert run(["compare", name, "b.npy"]) == 2
     said = capsys.readouterr()
     assert said.err.startswith(f"whitted: {name}: ")
+    assert words in said.err
     assert said.err.count("\n") == 1
     assert not said.out
     assert not Path("sprung").exists()
@@ -244,6 +253,12 @@ def test_a_file_cut_anywhere_is_refused(name: str) -> None:
         Path("cut").write_bytes(data[:length])
         with pytest.raises(Refusal):
             read_picture("cut")
+
+
+@pytest.mark.parametrize("shape", [(0, 4, 3), (4,), (2, 2, 2), (2, 2, 5), ()])
+def test_an_array_of_another_shape_is_refused(shape: tuple[int, ...]) -> None:
+    with pytest.raises(Refusal, match="a picture is"):
+        from_array(np.zeros(shape), "A")
 
 
 def test_objects_in_an_npy_are_not_unpickled() -> None:
