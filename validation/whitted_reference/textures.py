@@ -13,7 +13,6 @@ from whitted_reference.vectors import Colour, Number, dot
 Evaluate = Callable[[Number, Number], Colour]  # (u, v) -> colour
 
 
-
 def evaluator(texture: scene.Texture, arithmetic: Arithmetic) -> Colour | Evaluate:
     """Return the texture's colour if it is constant, else a function of (u, v)."""
     if isinstance(texture, scene.Checkerboard):
