@@ -22,6 +22,7 @@ import click
 from whitted_validation import compare_command, picture_files, scene_files, validate_command
 from whitted_validation.refusal import Refusal
 from whitted_validation.request import Request
+from whitted_validation.stress import command as stress_command
 
 TERMS = ("ambient", "diffuse", "specular")
 
@@ -213,6 +214,7 @@ def doctor() -> None:
 
 
 validate_command.add_to(whitted, _defines, _folders)
+stress_command.add_to(whitted)
 whitted.add_command(compare_command.compare)
 
 
