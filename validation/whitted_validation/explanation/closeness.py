@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitsuba_whitted.seen import LightSeen, RaySeen
 from whitted_reference.margins import passing
@@ -109,13 +110,14 @@ class Closeness:
                 best = primitive.surface.id, -near.distance
         return best
 
-    def _off(self, ray: RaySeen) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    def _off(self, ray: RaySeen) -> NDArray[np.float64]:
         """Bound from below how far the ray's line passes each primitive."""
         d = np.array(ray.d)
         to_centre = self._centres - np.array(ray.o)
         along = to_centre @ d
-        aside: np.ndarray[tuple[int], np.dtype[np.float64]] = np.linalg.norm(to_centre - along[:, None] * d, axis=1)
-        return aside - self._radii
+        aside: NDArray[np.float64] = np.linalg.norm(to_centre - along[:, None] * d, axis=1)
+        off: NDArray[np.float64] = aside - self._radii
+        return off
 
 
 def _three(v: tuple[float, ...]) -> tuple[float, float, float]:

@@ -146,8 +146,9 @@ LONGEST_NAME = 40
 
 
 def named(name: str | None) -> str:
-    """Quote an id from a file for people: what does not print is spelt out, what is too long is cut."""
+    """Quote an id from a file for people: what does not print is spelt out, what is too long is cut, quotes differ."""
     if name is None:
         return "nothing"
-    text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in name)
+    printable = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in name)
+    text = "".join(printable).replace("`", "'")
     return f"`{text if len(text) <= LONGEST_NAME else text[: LONGEST_NAME - 3] + '...'}`"

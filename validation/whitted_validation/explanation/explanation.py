@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,9 +14,8 @@ import numpy as np
 import whitted_reference
 from mitsuba_whitted.seen import Numbers, PixelSeen, SampleSeen
 from whitted_reference.image import DEEPEST, resized
-from whitted_reference.ray_tree import Recorder
 from whitted_reference.scene import Scene
-from whitted_validation.bounds import measure
+from whitted_validation.bounds import Bounds, measure
 from whitted_validation.explanation.closeness import Closeness
 from whitted_validation.explanation.comparison import Pair, Ray, light_pair, paired, partings
 from whitted_validation.explanation.reference_side import seen_by_reference
@@ -25,6 +24,7 @@ from whitted_validation.explanation.tree import Branch, alike, tree_of
 from whitted_validation.refusal import Refusal
 from whitted_validation.report.words import why
 from whitted_validation.request import Request
+from whitted_validation.rounding import Follower
 from whitted_validation.validation import Here
 from whitted_validation.verdict import Judgement, Status, judge
 
@@ -48,7 +48,7 @@ class Explanation:
     x, y : pixel of the crop window, from its upper left corner
     scene, sensor : the reference's description of the scene
     plugin, reference : what the two programs did
-    judgement : the verdict on this pixel
+    judgement : the verdict on this pixel, as a picture of its own
     closeness : measures how nearly decisions fell
     """
 
@@ -191,6 +191,14 @@ def _unequal(rays: Sequence[Ray]) -> list[str]:
     return found
 
 
+def cut_out(judgement: Judgement, x: int, y: int) -> Judgement:
+    """Return what a judgement says of one pixel."""
+    one = np.s_[y : y + 1, x : x + 1]
+    bounds = replace(judgement.bounds, **{f.name: getattr(judgement.bounds, f.name)[one] for f in fields(Bounds)})
+    differences = [d for d in judgement.differences if (d.x, d.y) == (x, y)]
+    return Judgement(judgement.picture[one], bounds, judgement.status[one], differences)
+
+
 _VALUES = [("o", "o"), ("d", "d"), ("t", "t"), ("p", "p"), ("n", "n"), ("k_a I_a", "ambient")]
 _OF_LIGHT = [("l", "l"), ("n.l", "n_l"), ("n.h", "n_h"), ("the colour", "colour")]
 
@@ -214,7 +222,7 @@ class Explainer:
         if not 0 <= sensor < len(scene.sensors):
             raise Refusal(f"{file}: has {len(scene.sensors)} sensor(s), counted from 0; there is no -s {sensor}")
         self._scene = scene if size is None else resized(scene, *size)
-        self._recorder = Recorder(self._scene, sensor, reach=0.0)
+        self._recorder = Follower(self._scene, sensor)
         self._closeness = Closeness(self._recorder)
         camera = self._scene.sensors[sensor]
         self._film = camera.film
@@ -235,8 +243,13 @@ class Explainer:
             render.resize(loaded, self._size)
         return loaded
 
-    def pixel(self, x: int, y: int) -> Explanation:
-        """Explain pixel (x, y) of the crop window, counted from its upper left corner."""
+    def pixel(self, x: int, y: int, judgement: Judgement | None = None) -> Explanation:
+        """Explain pixel (x, y) of the crop window, counted from its upper left corner.
+
+        Parameters
+        ----------
+        judgement : on the whole picture, if there is one; else the pixel is judged here
+        """
         film, n = self._film, self._grid
         if not (0 <= x < film.crop_width and 0 <= y < film.crop_height):
             raise Refusal(
@@ -252,10 +265,8 @@ class Explainer:
             for i in range(n)
         ]
         reference = PixelSeen(samples, self._recorder.pixel(x, y, n))
-        judgement = self._judged(x, y, plugin.colour)
-        return Explanation(
-            self._file, n, x, y, self._scene, self._sensor, plugin, reference, judgement, self._closeness
-        )
+        its_own = self._judged(x, y, plugin.colour) if judgement is None else cut_out(judgement, x, y)
+        return Explanation(self._file, n, x, y, self._scene, self._sensor, plugin, reference, its_own, self._closeness)
 
     def _judged(self, x: int, y: int, colour: Numbers) -> Judgement:
         """Judge the pixel as a picture of its own, by a crop of the film."""

@@ -55,7 +55,7 @@ class Labels:
         inside = [
             (min(max(x, 2.0), self._width - width - 2.0), min(max(y, LINE), self._height - 4.0)) for x, y in corners
         ]
-        x, y = min(inside, key=lambda corner: self._covered(*corner, width))
+        x, y = min(inside, key=lambda corner: self._covered(corner[0], corner[1], width))
         self._taken.append((x, y - LINE + 3, x + width, y + 3))
         return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}">{html.escape(text)}</text>'
 

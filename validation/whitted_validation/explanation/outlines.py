@@ -62,7 +62,8 @@ def _of_shape(shape: Shape, placed: Array, prefix: str, axes: Array) -> Iterator
 
 def _seen(points: Sequence[tuple[float, float, float]], placed: Array, axes: Array) -> Array:
     """Project points that stand where the shape's own to_world has put them."""
-    return np.asarray((np.array(points, float) @ placed[:, :3].T + placed[:, 3]) @ axes.T)
+    seen: Array = (np.array(points, float) @ placed[:, :3].T + placed[:, 3]) @ axes.T
+    return seen
 
 
 def _matrix(to_world: Affine) -> Array:
@@ -79,7 +80,8 @@ def _shadow_of_ball(flat: Array) -> Array:
     """Outline of the unit ball under a linear map P to the plane: the farthest point along w, P P^T w / |P^T w|."""
     pulled = flat.T @ _CIRCLE
     length = np.linalg.norm(pulled, axis=0)
-    return (flat @ pulled / np.where(length > 0, length, 1.0)).T
+    outline: Array = (flat @ pulled / np.where(length > 0, length, 1.0)).T
+    return outline
 
 
 def hull(points: Array) -> Array:

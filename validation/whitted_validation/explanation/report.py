@@ -47,7 +47,7 @@ def write_explanation(folder: Path, explanation: Explanation) -> None:
 
 def explained(explainer: Explainer, judgement: Judgement) -> dict[str, str]:
     """Explain the pixels of a picture that differ, and some typical ones: {"x,y": HTML for a page with `STYLE`}."""
-    return {f"{x},{y}": explainer.pixel(x, y).html() for x, y in _chosen(judgement)}
+    return {f"{x},{y}": explainer.pixel(x, y, judgement).html() for x, y in _chosen(judgement)}
 
 
 def _chosen(judgement: Judgement) -> Iterable[tuple[int, int]]:
