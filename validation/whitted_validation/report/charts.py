@@ -46,7 +46,7 @@ def _axis(values: Iterable[float], start: float, end: float, log: bool, from_zer
         low, high = 10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high))
         return _Axis(low, high if high > low else 10 * low, start, end, True)
     low = min(low, 0.0) if from_zero else low
-    return _Axis(low, high if high > low else low + 1.0, start, end, False)
+    return _Axis(low, high if high > low else low + (abs(low) or 1.0), start, end, False)
 
 
 def _can_show(x: float, log: bool) -> bool:

@@ -102,12 +102,8 @@ def why(difference: Difference, finite: bool = True) -> str:
 def _agreeing(equal: int, pixels: int) -> str:
     if equal == pixels:
         return f"All {pixels:,} pixels agree within their bound"
-    # Rounded down, to as many digits as keep it below 100 %.
-    digits = 2
-    while digits < 6 and int(equal * 10 ** (digits + 2) / pixels) == 10 ** (digits + 2):
-        digits += 1
-    share = equal * 10 ** (digits + 2) // pixels / 10**digits
-    return f"{share:.{digits}f} % of {pixels:,} pixels agree within their bound"
+    share = equal * 10_000 // pixels / 100  # rounded down: 100 % is said of all alone
+    return f"{share:.2f} % of {pixels:,} pixels agree within their bound"
 
 
 def _differ(count: int) -> str:
