@@ -13,6 +13,7 @@ import click
 
 from whitted_validation import scene_files
 from whitted_validation.refusal import Refusal
+from whitted_validation.request import Request
 
 ALL_SIZE = (128, 128)  # of --all: at this size all shipped scenes take a few minutes, traced for the first time
 
@@ -75,6 +76,7 @@ def add_to(group: click.Group, defines: Callable[..., Any], folders: Callable[..
 
 
 def _judge(scenes: tuple[str, ...], options: dict[str, Any], folder: Path | str | None) -> int:
+    from whitted_validation.explanation.report import explained
     from whitted_validation.report.verdicts import Judged, exit_code, write_verdicts
     from whitted_validation.seen import look
     from whitted_validation.validation import Verdict, cache_folder, processes, validate
@@ -99,7 +101,9 @@ def _judge(scenes: tuple[str, ...], options: dict[str, Any], folder: Path | str 
             else:
                 verdicts.append(verdict)
                 if folder:
-                    pages.append(Judged(verdict, look(verdict.description, workers, verdict.sensor)))
+                    request = Request(scene, verdict.variant, options["defines"], options["folders"], None, 0)
+                    rays = explained(verdict, request, options["size"])
+                    pages.append(Judged(verdict, look(verdict.description, workers, verdict.sensor), rays))
                 click.echo(verdict.summary)
                 for difference in verdict.judgement.differences[:5]:
                     reasons = f": {'; '.join(difference.reasons)}" if difference.reasons else ""

@@ -21,6 +21,8 @@ LOWEST, HIGHEST = 170.0, 340.0
 MARGIN = 34.0
 FAR = 30.0
 """What is farther off than so many sizes of what the rays touch is shown at the border, in its direction."""
+COARSE = 0.3
+"""Outlines are drawn to this, in units of the drawing, which are about a pixel."""
 NORMAL = 24.0
 """Length of a normal."""
 MOST_HITS = 4
@@ -210,12 +212,16 @@ def _sun(at: Array) -> str:
 
 
 def _thinned(ring: Array) -> Array:
-    """Leave out what comes closer than half a unit after the point before."""
-    kept = [ring[0]]
-    for point in ring[1:]:
-        if max(abs(point - kept[-1])) >= 0.5:
-            kept.append(point)
-    return np.array(kept)
+    """Leave out points of a closed line that the chord of their neighbours passes closely."""
+    kept, points = [0], np.concatenate([ring, ring[:1]])
+    for i in range(2, len(points)):
+        start, chord = points[kept[-1]], points[i] - points[kept[-1]]
+        between = points[kept[-1] + 1 : i] - start
+        length = float(np.linalg.norm(chord))
+        off = np.abs(between @ np.array([-chord[1], chord[0]])) / length if length else np.linalg.norm(between, axis=1)
+        if off.max() > COARSE:
+            kept.append(i - 1)
+    return ring[kept]
 
 
 def _extent(points: Array) -> float:

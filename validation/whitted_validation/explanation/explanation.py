@@ -21,7 +21,7 @@ from whitted_validation.explanation.comparison import Pair, Ray, light_pair, pai
 from whitted_validation.explanation.reference_side import seen_by_reference
 from whitted_validation.explanation.story import story
 from whitted_validation.explanation.tree import Branch, alike, tree_of
-from whitted_validation.refusal import Refusal
+from whitted_validation.refusal import Refusal, no_such_sensor
 from whitted_validation.report.words import why
 from whitted_validation.request import Request
 from whitted_validation.rounding import Follower
@@ -220,7 +220,7 @@ class Explainer:
         except whitted_reference.SceneError as error:
             raise Refusal(str(error)) from None
         if not 0 <= sensor < len(scene.sensors):
-            raise Refusal(f"{file}: has {len(scene.sensors)} sensor(s), counted from 0; there is no -s {sensor}")
+            raise no_such_sensor(file, len(scene.sensors), sensor)
         self._scene = scene if size is None else resized(scene, *size)
         self._recorder = Follower(self._scene, sensor)
         self._closeness = Closeness(self._recorder)

@@ -10,11 +10,15 @@ results.json of explain, after the keys of all commands:
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import redirect_stderr
+from io import StringIO
 from pathlib import Path
 
 from whitted_validation.explanation.explanation import Explainer, Explanation
 from whitted_validation.explanation.page import STYLE
 from whitted_validation.report import Markup, write
+from whitted_validation.request import Request
+from whitted_validation.validation import Verdict
 from whitted_validation.verdict import Judgement
 
 MOST_UNEQUAL = 24
@@ -45,9 +49,18 @@ def write_explanation(folder: Path, explanation: Explanation) -> None:
     write(folder, facts, "whitted explain", [Markup(explanation.html())], STYLE)
 
 
-def explained(explainer: Explainer, judgement: Judgement) -> dict[str, str]:
-    """Explain the pixels of a picture that differ, and some typical ones: {"x,y": HTML for a page with `STYLE`}."""
-    return {f"{x},{y}": explainer.pixel(x, y, judgement).html() for x, y in _chosen(judgement)}
+def explained(verdict: Verdict, request: Request, size: tuple[int, int] | None) -> dict[str, str]:
+    """Explain the pixels of a picture that differ, and some typical ones: {"x,y": HTML for a page with `STYLE`}.
+
+    There is nothing to explain where the picture came from elsewhere.
+    """
+    if verdict.against:
+        return {}
+    judgement = verdict.judgement
+    # What is to be said of the scene was said when its picture was drawn.
+    with redirect_stderr(StringIO()):
+        explainer = Explainer(request, verdict.sensor, verdict.grid, size)
+        return {f"{x},{y}": explainer.pixel(x, y, judgement).html() for x, y in _chosen(judgement)}
 
 
 def _chosen(judgement: Judgement) -> Iterable[tuple[int, int]]:

@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whitted_validation.explanation.page import STYLE
 from whitted_validation.report.charts import Bars
 from whitted_validation.report.page import write
 from whitted_validation.report.pair import pair
@@ -86,7 +87,7 @@ def write_verdicts(folder: Path, scenes: Sequence[Judged], refused: Refused, com
         If the folder cannot be written to.
     """
     facts = results(scenes, refused, complete)
-    write(folder, facts, "whitted validate", sections(facts, scenes))
+    write(folder, facts, "whitted validate", sections(facts, scenes), STYLE)
 
 
 def results(scenes: Sequence[Judged], refused: Refused, complete: bool) -> dict[str, Any]:
