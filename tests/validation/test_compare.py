@@ -111,7 +111,7 @@ def test_nan_and_infinity_are_counted_and_exceed_every_limit() -> None:
     assert found.finite_largest == abs(a[5, 5, 1] - b[5, 5, 1])
     assert [(p.x, p.y) for p in found.worst] == [(0, 0), (2, 1), (4, 3), (5, 5)]
     assert len(found.exceeded(1e308, 1e308)) == 2
-    assert "not finite in A  nan in 2 pixels, infinity in 1" in str(found)
+    assert "not finite in A  pixels with nan: 2, with infinity: 1" in str(found)
     assert "cannot be compared" in found.sentence
 
 

@@ -98,9 +98,10 @@ class Comparison:
         first = f"{wild:,} of {pixels:,} pixels cannot be compared, for nan or infinity; " if wild else ""
         if wild == pixels:
             return f"None of the {pixels:,} pixels can be compared, for nan or infinity."
+        differ = self.above - wild
         return (
             f"{first}{self.equal:,} of {pixels:,} pixels are equal; the largest error is {self.finite_largest:.3g}, "
-            f"the RMSE {self.finite_rmse:.3g}, and {self.above - wild:,} differ by more than {SHARE_ABOVE:g}."
+            f"the RMSE {self.finite_rmse:.3g}, and {differ:,} differ{'s' * (differ == 1)} by more than {SHARE_ABOVE:g}."
         )
 
     def exceeded(self, max_error: float | None = None, max_rmse: float | None = None) -> list[str]:
@@ -131,7 +132,7 @@ class Comparison:
         ]
         for name, found in zip("AB", self.not_finite, strict=True):
             if found.nan or found.infinite:
-                rows.append((f"not finite in {name}", f"nan in {found.nan} pixels, infinity in {found.infinite}"))
+                rows.append((f"not finite in {name}", f"pixels with nan: {found.nan}, with infinity: {found.infinite}"))
         if math.isinf(self.largest):
             finite = int(np.count_nonzero(np.isfinite(self.error)))
             rows.append(

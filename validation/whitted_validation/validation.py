@@ -20,7 +20,7 @@ import whitted_reference
 from whitted_reference.image import resized
 from whitted_validation.bounds import measure
 from whitted_validation.picture_reading import read_picture
-from whitted_validation.refusal import Refusal
+from whitted_validation.refusal import Refusal, no_such_sensor
 from whitted_validation.request import Request
 from whitted_validation.verdict import Judgement, Status, judge
 
@@ -146,7 +146,7 @@ def validate(
         grey = (variant or "").endswith("_mono")
         scene = whitted_reference.load(file, request.defines, request.folders, grey)
         if not 0 <= sensor < len(scene.sensors):
-            raise Refusal(f"{file}: has {len(scene.sensors)} sensor(s), counted from 0; there is no -s {sensor}")
+            raise no_such_sensor(file, len(scene.sensors), sensor)
         if size is not None:
             scene = resized(scene, *size)
         if against is None:
