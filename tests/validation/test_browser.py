@@ -47,8 +47,11 @@ SCENE = """<scene version="3.0.0"><integrator type="whitted"/>
 def chromium() -> str:
     """Find the browser; skip where there is none, fail where there must be one."""
     required = os.environ.get("WHITTED_TEST_CHROMIUM")
-    found = required or next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    names = [required] if required else ["chromium", "chromium-browser", "google-chrome"]
+    found = next(filter(None, map(shutil.which, names)), None)
     if found is None:
+        if required:
+            pytest.fail(f"WHITTED_TEST_CHROMIUM={required}: no such program")
         pytest.skip("no Chromium on this machine, and WHITTED_TEST_CHROMIUM is not set")
     return found
 
@@ -69,6 +72,7 @@ class Browser:
         read, self._write = _pipe()
         self._read, write = _pipe()
         options = ["--headless=new", "--remote-debugging-pipe", "--disable-gpu", "--no-first-run", "--hide-scrollbars"]
+        options += ["--disable-dev-shm-usage"]  # containers often have little of it
         options += ["--no-sandbox"] if os.geteuid() == 0 else []  # Chromium refuses to sandbox for root
         command = [chromium(), *options, f"--user-data-dir={folder}", "about:blank"]
         # Chromium reads commands from file descriptor 3 and answers on 4.

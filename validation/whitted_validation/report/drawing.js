@@ -7,6 +7,8 @@ const HUES = { // of the verdict: equal, explained, unexplained
 // Black for no error, then from dark blue over magenta and orange to near white: lighter is worse.
 const RAMP = [[20, 20, 54], [82, 28, 120], [168, 46, 110], [230, 92, 60], [250, 170, 70], [255, 250, 215]];
 
+const MOST_RINGS = 60;
+
 const isDark = () => matchMedia("(prefers-color-scheme: dark)").matches && !matchMedia("print").matches;
 
 /** sRGB (IEC 61966-2-1) of linear radiance, 0..255; the canvas rounds. */
@@ -101,18 +103,21 @@ function writeNumbers(context, viewer) {
   }
 }
 
-/** Mark the pixels that are not equal: their areas, and rings around those that are too small to be seen. */
+/** Mark the pixels that are not equal: by rings where they are few and small, else by their outlines. */
 function markUnequal(context, viewer) {
-  const { pair, scale, left, top, listed } = viewer;
+  const { pair, scale, left, top, marked } = viewer;
   const hues = HUES[isDark() ? "dark" : "light"];
-  for (const i of listed) {
+  const rings = scale < 8 && marked.length <= MOST_RINGS;
+  const strokes = rings || scale >= 8 ? [["#fffc", 4.5], [null, 2.5]] : [[null, 1]];
+  const inset = strokes.length / 2;
+  for (const i of marked) {
     const [x, y] = [(i % pair.width - left) * scale, (Math.floor(i / pair.width) - top) * scale];
     if (x < -scale || y < -scale || x > viewer.wide || y > viewer.tall) continue;
     context.beginPath();
-    if (scale < 8) context.arc(x + scale / 2, y + scale / 2, 7, 0, 2 * Math.PI);
-    else context.rect(x + 1, y + 1, scale - 2, scale - 2);
-    for (const [hue, wide] of [["#fffc", 4.5], [`rgb(${hues[pair.status[i]]})`, 2.5]]) {
-      context.strokeStyle = hue;
+    if (rings) context.arc(x + scale / 2, y + scale / 2, 7, 0, 2 * Math.PI);
+    else context.rect(x + inset, y + inset, scale - 2 * inset, scale - 2 * inset);
+    for (const [hue, wide] of strokes) {
+      context.strokeStyle = hue ?? `rgb(${hues[pair.status[i]]})`;
       context.lineWidth = wide;
       context.stroke();
     }

@@ -214,7 +214,7 @@ def _table(scenes: Sequence[tuple[Mapping[str, Any], str]]) -> Table:
                 pixels["equal"],
                 *(scene[what][which] for what in ("error", "bound") for which in ("median", "largest")),
                 scene["certified"]["loose"],
-                f"{scene['seconds']:.1f}",
+                scene["seconds"],
             ]
         )
     return Table(columns, rows)

@@ -1,6 +1,7 @@
 // The controls of one pair of pictures.
 
 const MOST_LISTED = 200;
+const MOST_MARKED = 20000; // more than that take long to draw
 const NUMBERS_FROM = 52; // CSS pixels a pixel must measure before numbers are written into it
 const CLOSEST = 128; // CSS pixels a pixel measures at most
 const VERDICTS = ["equal", "explained", "unexplained"];
@@ -13,7 +14,8 @@ class Viewer {
     this.pair = pair;
     this.view = "split"; this.exposure = 0; this.unit = "absolute"; this.divide = 0.5;
     this.chosen = null; this.hovered = null; this.pointers = new Map();
-    this.listed = pair.status ? pair.listed(MOST_LISTED) : pair.listed(20);
+    this.marked = pair.status ? pair.listed(MOST_MARKED) : [];
+    this.listed = pair.status ? this.marked.slice(0, MOST_LISTED) : pair.listed(20);
     element.append(document.getElementById("viewer").content.cloneNode(true));
     this.find = (selector) => element.querySelector(selector);
     this.canvas = this.find("canvas.view");
