@@ -224,7 +224,7 @@ def test_too_large_a_pair_is_shown_by_the_worst_pixel_of_each_block(
 
 # ------------------------------------------------------------------------------------------------------ words
 def scene(equal: int, explained: int, unexplained: int) -> dict[str, Any]:
-    return {"pixels": {"equal": equal, "explained": explained, "unexplained": unexplained}}
+    return {"against": "", "pixels": {"equal": equal, "explained": explained, "unexplained": unexplained}}
 
 
 def turned(*reasons: str) -> Difference:

@@ -49,7 +49,8 @@ def of_scene(scene: Mapping[str, Any], differences: Sequence[Difference]) -> str
             rest = sum(count for _, count in places[MOST_PLACES:])
             said += f"; {_differ(len(explained))}: " + ", ".join(named + [f"{rest:,} elsewhere"] * (rest > 0))
     if counts["unexplained"]:
-        said += f"; {_differ(counts['unexplained'])} without an explanation: a fault in one of the two programs"
+        said += f"; {_differ(counts['unexplained'])} without an explanation"
+        said += "" if scene["against"] else ": a fault in one of the two programs"
     return said + "."
 
 
