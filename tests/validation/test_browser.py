@@ -161,7 +161,7 @@ def test_the_pixel_is_told_with_object_light_and_bounces(browser: Browser, judge
             browser.hover(x, y)
             texts = browser.ask("[...document.querySelectorAll('.facts dd')].map((node) => node.textContent)")
             object, light = seen.objects[seen.object[y, x]], seen.light_texts[seen.lights[y, x]]
-            assert texts == [object, light, str(seen.bounces[y, x])]
+            assert texts == [object, light, "by the rounding model", str(seen.bounces[y, x])]
 
 
 def test_unequal_pixels_are_listed_as_in_the_results_and_lead_there(browser: Browser, judged: Judged) -> None:
@@ -298,6 +298,9 @@ def test_an_explanation_shows_with_its_pixel(browser: Browser, tmp_path: Path) -
     for kind in ("mousePressed", "mouseReleased"):
         browser.send("Input.dispatchMouseEvent", type=kind, x=across, y=down, button="left", buttons=1, clickCount=1)
     assert "the ray meets nothing" in browser.text(".rays")
+    browser.ask("document.querySelector('canvas.view').focus()")
+    browser.key("ArrowLeft", 37)
+    assert browser.ask("document.querySelector('.rays').hidden")
     assert browser.ask("typeof hacked") == "undefined"
 
 

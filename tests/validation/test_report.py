@@ -251,6 +251,11 @@ SHADOW = "silhouette of `ball`, light `key_light`, bounce 0"
             "edge of `ball` from `key_light`.",
         ),
         (
+            (98, 2, 0),
+            [turned("silhouette of `ball`, bounce 1")] * 2,
+            "98.00 % of 100 pixels agree within their bound; 2 differ, both on the outline of `ball` seen in a mirror.",
+        ),
+        (
             (999_999, 0, 1),
             [turned()],
             "99.99 % of 1,000,000 pixels agree within their bound; 1 differs without an explanation: a fault in one "

@@ -89,8 +89,9 @@ def why(difference: Difference, finite: bool = True) -> str:
             else f"{_many(tried, 'other way')} to decide within rounding {'was' if tried == 1 else 'were'} tried, and "
             "none gives A's colour"
         )
+        again = f" B was computed again in {difference.settled_by}, and stands." if difference.settled_by else ""
         whole = "" if difference.complete else " (the search stopped at its limit)"
-        return f"Unexplained. A and B differ by more than rounding may make of this pixel, and {looked}{whole}."
+        return f"Unexplained. A and B differ by more than rounding may make of this pixel, and {looked}{whole}.{again}"
     if any(_REASON.fullmatch(reason) for reason in difference.reasons):
         where = ", and ".join(place(reason) for reason in difference.reasons)
         return (
