@@ -307,6 +307,8 @@ def test_an_explanation_shows_with_its_pixel(browser: Browser, tmp_path: Path) -
 def test_on_a_phone_it_fits_and_fingers_work(browser: Browser, judged: Judged) -> None:
     browser.open(judged.page, width=375, height=740, touch=True)
     assert browser.ask("document.scrollingElement.scrollWidth") <= 375
+    heights = browser.ask("[...document.querySelectorAll('button, select')].map((node) => node.offsetHeight || 99)")
+    assert min(heights) >= 40  # wide enough for a finger; 99 stands for what is hidden
     across, down = browser.place(12, 10)
     browser.send("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": across, "y": down}])
     browser.send("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])

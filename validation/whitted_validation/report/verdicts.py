@@ -242,7 +242,7 @@ def _about(judged: Judged) -> list[Section]:
 def viewer(judged: Judged) -> Viewer:
     """Return the pictures of a scene, to be looked into."""
     verdict, seen = judged.verdict, judged.seen
-    judgement, finite = verdict.judgement, np.isfinite(verdict.judgement.picture).all(axis=2)
+    judgement, finite = verdict.judgement, np.isfinite(error_of(verdict))
     return Viewer(
         judgement.picture,
         judgement.bounds.colour,
