@@ -12,12 +12,15 @@ which turn l.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import whitted_reference
 from whitted_validation.stress.case import Case, Outcome, U, log_uniform, shares
 from whitted_validation.stress.geometry import (
     GENERAL,
@@ -32,6 +35,8 @@ from whitted_validation.stress.geometry import (
     unit,
 )
 from whitted_validation.stress.trial import Trial
+
+Mask = NDArray[np.bool_]
 
 PROBES = 1_000_000
 
@@ -59,12 +64,40 @@ def cases() -> Iterator[Case]:
 
 def _sphere(name: str, **where: float) -> Case:
     statement = "points of a ball with the light above their horizon are lit, all others are dark"
-    return Case("shadow acne", name, statement, lambda trial: _on_sphere(trial, **where))
+    return Case("shadow acne", name, statement, lambda trial: _tried(trial, lambda: _on_sphere(trial, **where)))
 
 
 def _triangles(name: str, **where: float) -> Case:
     statement = "points of an icosahedron with the light above their horizon are lit, all others are dark"
-    return Case("shadow acne", name, statement, lambda trial: _on_icosahedron(trial, **where))
+    return Case("shadow acne", name, statement, lambda trial: _tried(trial, lambda: _on_icosahedron(trial, **where)))
+
+
+@dataclass(frozen=True)
+class Probes:
+    """Rays, and what is known of the points that they meet.
+
+    Attributes
+    ----------
+    o, d : (n, 3) float32 numbers
+    lit, dark : for each light, which has a colour channel of its own: (n,) whether a point must be so
+    """
+
+    file: Path
+    o: Array
+    d: Array
+    lit: list[Mask]
+    dark: list[Mask]
+
+
+def _tried(trial: Trial, make: Callable[[], Probes]) -> Outcome:
+    probes: Probes = trial.once(make)
+    seen = trial.look(trial.load(probes.file), probes.o, probes.d)
+    black = sum(int((lit & ~(seen[:, i] > 0)).sum()) for i, lit in enumerate(probes.lit))
+    bright = sum(int((dark & ~(seen[:, i] == 0)).sum()) for i, dark in enumerate(probes.dark))
+    return shares(
+        ("lit points black", black, sum(int(lit.sum()) for lit in probes.lit)),
+        ("dark points lit", bright, sum(int(dark.sum()) for dark in probes.dark)),
+    )
 
 
 def margin(distance: Array | float, size: float, cosine: Array, reach: float, to_light: Array) -> Array:
@@ -73,18 +106,16 @@ def margin(distance: Array | float, size: float, cosine: Array, reach: float, to
     return np.asarray(U * (16 + 4 * ray / size) + 8 * U * (ray + reach) / to_light)
 
 
-def _on_sphere(trial: Trial, scale: float = 1.0, distance: float = 3.0, offset: float = 0.0) -> Outcome:
+def _on_sphere(trial: Trial, scale: float = 1.0, distance: float = 3.0, offset: float = 0.0) -> Probes:
     rng, count = trial.random(), trial.count(PROBES)
     centre = single(np.array([1.0, -2.0, 1.5]) * offset * scale)
     radius = float(single(scale))
     toward = unit(np.array([0.3, 0.8, -0.5]))
     lamp = single(centre + 10 * radius * toward)
-    scene = trial.load(
-        trial.write(
-            f"""{HEAD}<shape type="sphere" id="ball"><point name="center" value="{triple(centre)}"/>
-            <float name="radius" value="{radius!r}"/><ref id="white"/></shape>
-            <emitter type="point"><point name="position" value="{triple(lamp)}"/></emitter></scene>"""
-        )
+    file = trial.write(
+        f"""{HEAD}<shape type="sphere" id="ball"><point name="center" value="{triple(centre)}"/>
+        <float name="radius" value="{radius!r}"/><ref id="white"/></shape>
+        <emitter type="point"><point name="position" value="{triple(lamp)}"/></emitter></scene>"""
     )
     # n.l is 0 where the cosine to the lamp's direction is 1/10: most probes are close to that, on either side.
     height = log_uniform(rng, 1e-6, 0.85, count) * np.where(rng.random(count) < 0.9, 1, -1)
@@ -100,10 +131,10 @@ def _on_sphere(trial: Trial, scale: float = 1.0, distance: float = 3.0, offset: 
     doubt = margin(
         distance * radius, radius, cosine, float(np.abs(centre).max()) + radius, np.sqrt(dot(to_light, to_light))
     )
-    return _outcome(_count(trial.look(scene, o, d)[:, 0], n_l, doubt, known))
+    return Probes(file, o, d, [known & (n_l > doubt)], [known & (n_l < -doubt)])
 
 
-def _on_icosahedron(trial: Trial, scale: float = 1.0, distance: float = 3.0, offset: float = 0.0) -> Outcome:
+def _on_icosahedron(trial: Trial, scale: float = 1.0, distance: float = 3.0, offset: float = 0.0) -> Probes:
     rng, count = trial.random(), trial.count(PROBES)
     at = np.array([1.0, -2.0, 1.5]) * offset * scale
     mesh = f"""<shape type="obj" id="solid"><string name="filename" value="meshes/icosahedron.obj"/>
@@ -121,8 +152,8 @@ def _on_icosahedron(trial: Trial, scale: float = 1.0, distance: float = 3.0, off
         f'<rgb name="intensity" value="{triple(np.eye(3)[i])}"/></emitter>'
         for i, lamp in enumerate(lamps)
     )
-    scene, exact = trial.pair(f"{HEAD}{mesh}{lights}</scene>")
-    solid: Any = exact.shapes[0]
+    file = trial.write(f"{HEAD}{mesh}{lights}</scene>")
+    solid: Any = whitted_reference.load(file).shapes[0]
     corners = np.array(solid.vertices)[np.array(solid.faces)]
     face = np.where(rng.random(count) < 0.5, 0, rng.integers(len(corners), size=count))  # faces lie in file order
     corners = corners[face]
@@ -138,14 +169,15 @@ def _on_icosahedron(trial: Trial, scale: float = 1.0, distance: float = 3.0, off
     # How far inside its triangle the point lies: less, and the neighbour may be met.
     room = np.min([_height(p, corners[:, i], corners[:, (i + 1) % 3], normal) for i in range(3)], axis=0)
     known = room > 16 * U * (distance * scale / cosine + reach)
-    colours = trial.look(scene, o, d)
-    total = np.zeros(4, int)
-    for i, lamp in enumerate(lamps):
+    probes = Probes(file, o, d, [], [])
+    for lamp in lamps:
         to_light = lamp - p
         length = np.sqrt(dot(to_light, to_light))
         n_l = dot(normal, to_light) / length
-        total += _count(colours[:, i], n_l, margin(distance * scale, scale, cosine, reach, length), known)
-    return _outcome(total)
+        doubt = margin(distance * scale, scale, cosine, reach, length)
+        probes.lit.append(known & (n_l > doubt))
+        probes.dark.append(known & (n_l < -doubt))
+    return probes
 
 
 def _height(p: Array, a: Array, b: Array, normal: Array) -> Array:
@@ -160,14 +192,3 @@ def _seen_from(n: Array, rng: np.random.Generator) -> Array:
     w = rng.normal(size=n.shape)
     w = unit(w - dot(w, n)[:, None] * n)
     return np.asarray(cosine[:, None] * n + np.sqrt(1 - cosine**2)[:, None] * w)
-
-
-def _count(seen: Array, n_l: Array, doubt: Array, known: Any) -> NDArray[np.int_]:
-    """Count lit points that are black, lit points, dark points that are not black, and dark points."""
-    lit, dark = known & (n_l > doubt), known & (n_l < -doubt)
-    return np.array([(lit & ~(seen > 0)).sum(), lit.sum(), (dark & ~(seen == 0)).sum(), dark.sum()])
-
-
-def _outcome(total: NDArray[np.int_]) -> Outcome:
-    black, lit, bright, dark = total.tolist()
-    return shares(("lit points black", black, lit), ("dark points lit", bright, dark))

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import partial
 
 from whitted_validation.stress.case import Case, Outcome, percent
-from whitted_validation.stress.pictures import FAR_OFF, compared, verdict
+from whitted_validation.stress.pictures import FAR_OFF, compared, is_explained, verdict
 from whitted_validation.stress.placing import placed
 from whitted_validation.stress.trial import Trial
 
@@ -51,4 +51,4 @@ def _drawn(trial: Trial, scale: float) -> Outcome:
     values = verdict(trial, picture, bounds, exact)
     wrong = values["off"]
     caption = f"{trial.policy.name}, scale {scale:g}: {wrong} of {values['pixels']} pixels off"
-    return Outcome(values.get("unexplained", wrong) == 0, percent(wrong / values["pixels"]), values, {caption: picture})
+    return Outcome(is_explained(values), percent(wrong / values["pixels"]), values, {caption: picture})

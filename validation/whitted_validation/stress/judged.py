@@ -11,7 +11,7 @@ import numpy as np
 
 from whitted_validation.stress.case import Case, Outcome, limited, percent
 from whitted_validation.stress.geometry import triple
-from whitted_validation.stress.pictures import FAR_OFF, compared, drawn, verdict
+from whitted_validation.stress.pictures import FAR_OFF, compared, drawn, is_explained, verdict
 from whitted_validation.stress.trial import Array, Trial
 
 Check = Callable[[Array, Any], bool]  # of the picture and the reference's bounds
@@ -122,7 +122,7 @@ def _judged(trial: Trial, text: str, check: Check) -> Outcome:
     values = verdict(trial, picture, bounds, exact)
     values["as it must be seen"] = check(picture, bounds)
     values["loose"], values["chaotic"] = int(bounds.loose.sum()), int(bounds.chaotic.sum())
-    good = values.get("unexplained", values["off"]) == 0 and values["as it must be seen"]
+    good = is_explained(values) and values["as it must be seen"]
     figure = percent(values["off"] / values["pixels"])
     return Outcome(good, figure, values)
 
@@ -130,9 +130,9 @@ def _judged(trial: Trial, text: str, check: Check) -> Outcome:
 def _twice(trial: Trial, body: str) -> Outcome:
     text = _scene(body)
     picture, bounds, exact = compared(trial, text)
-    values = verdict(trial, picture, bounds, exact)
+    values = verdict(trial, picture, bounds, exact, few=picture.size)
     values["differs when repeated"] = int((drawn(trial, trial.write(text), None) != picture).sum())
-    good = values.get("unexplained", 0) == 0 and values["differs when repeated"] == 0
+    good = is_explained(values) and values["differs when repeated"] == 0
     return Outcome(good, percent(values["differs when repeated"] / picture.size), values)
 
 

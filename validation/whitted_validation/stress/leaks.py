@@ -105,8 +105,8 @@ def _wedge(trial: Trial, angle: float, scale: float) -> Outcome:
     _, lid_t = meet_plane(o, unit(d), cover_origin, cover_n)
     sees = (t > 0) & ~((lid_t > 0) & (lid_t < t)) & (dot(o - origin, n) > 0) & (off_lid > DRAWN_FROM)
     seen = trial.look(scene, o, d).max(axis=1)
-    lit_under_lid = sees & covered & (seen > 0)
-    open_but_dark = sees & ~covered & (seen == 0)
+    lit_under_lid = sees & covered & ~(seen == 0)
+    open_but_dark = sees & ~covered & ~(seen > 0)
     return _widest(off_lid, lit_under_lid | open_but_dark, sees, int(lit_under_lid.sum()), int(open_but_dark.sum()))
 
 
@@ -148,7 +148,7 @@ def _contact(trial: Trial, scale: float) -> Outcome:
     p = centre + radius * normal
     height = dot(p - origin, n) / (4 * scale)
     ball = trial.look(scene, o, up_ray)
-    ball_wrong = sees & np.isfinite(height) & (height > DRAWN_FROM) & (ball.max(axis=1) > 0)
+    ball_wrong = sees & np.isfinite(height) & (height > DRAWN_FROM) & ~(ball.max(axis=1) == 0)
 
     down_ray = single(unit(about(-n, rng.uniform(0.5, 1.0, count), rng)))
     p, _ = meet_plane(o, unit(down_ray), origin, n)
@@ -156,7 +156,7 @@ def _contact(trial: Trial, scale: float) -> Outcome:
     under = radius - np.sqrt(np.maximum(radius**2 - dot(p - centre - dot(p - centre, n)[:, None] * n, p - centre), 0))
     floor = trial.look(scene, o, down_ray)
     in_umbra = sees & (from_axis < radius * (1 - 64 * U))
-    floor_wrong = in_umbra & (floor.max(axis=1) > 0)
+    floor_wrong = in_umbra & ~(floor.max(axis=1) == 0)
     wrong_gap = np.concatenate([height[ball_wrong], under[floor_wrong] / (4 * scale)])
     tried = np.concatenate([sees, in_umbra])
     return _widest(wrong_gap, np.ones(len(wrong_gap), bool), tried, len(wrong_gap), 0)
@@ -196,8 +196,8 @@ def _umbra(trial: Trial, ratio: float) -> Outcome:
     dark, lit = off < 1 - doubt, off > 1 + doubt
     seen = trial.look(scene, o, d).max(axis=1)
     return shares(
-        ("points of the umbra lit", (dark & (seen > 0)).sum(), dark.sum()),
-        ("points beside it black", (lit & (seen == 0)).sum(), lit.sum()),
+        ("points of the umbra lit", (dark & ~(seen == 0)).sum(), dark.sum()),
+        ("points beside it black", (lit & ~(seen > 0)).sum(), lit.sum()),
     )
 
 
@@ -229,5 +229,5 @@ def _one_plate(trial: Trial, share: float, scale: float) -> Outcome:
     if is_before != (share > 0):
         return Outcome(False, "no case")  # rounding the plate's place has moved it to the other side of the lamp
     if is_before:
-        return shares(("points lit through the plate", (seen > 0).sum(), count))
-    return shares(("points dark before the plate", (seen == 0).sum(), count))
+        return shares(("points lit through the plate", (~(seen == 0)).sum(), count))
+    return shares(("points dark before the plate", (~(seen > 0)).sum(), count))

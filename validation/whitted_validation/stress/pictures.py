@@ -31,7 +31,7 @@ LARGEST_ERROR = 2e-5
 """The promise for pixels where both tracers decide alike, at every scale."""
 
 FEW = 12
-"""Up to so many pixels beyond their bounds are judged whatever the policy."""
+"""Up to so many pixels beyond their bounds may be explained; more are no coincidence."""
 
 AWAY = np.array([0.6, -0.48, 0.64])
 """Which way a scene is moved: a unit vector with no component of zero."""
@@ -89,17 +89,17 @@ def drawn(trial: Trial, file: Path, size: tuple[int, int] | None) -> Array:
     return trial.draw(scene)
 
 
-def verdict(trial: Trial, picture: Array, bounds: Bounds, exact: Any) -> dict[str, Any]:
+def verdict(trial: Trial, picture: Array, bounds: Bounds, exact: Any, few: int = FEW) -> dict[str, Any]:
     """Count; errors of colours above 1 are relative.
 
-    A picture of another policy is judged pixel by pixel only if few are beyond their bounds: to look for
-    explanations of thousands takes hours, and so many are no coincidence.
+    Explanations are sought only if few pixels are beyond their bounds: for thousands it takes hours.
     """
     error = (np.abs(picture - bounds.colour) / np.maximum(1.0, bounds.colour)).max(axis=2)
     error = np.where(np.isfinite(error), error, np.inf)
     values: dict[str, Any] = {"off": int((error > FAR_OFF).sum()), "pixels": error.size, "largest": float(error.max())}
-    beyond = int((np.abs(picture - bounds.colour) > bounds.bound).any(axis=2).sum())
-    if trial.policy.is_ours or beyond <= FEW:
+    beyond = int((~(np.abs(picture - bounds.colour) <= bounds.bound)).any(axis=2).sum())
+    values["beyond their bounds"] = beyond
+    if beyond <= few:
         judgement = judge(exact, bounds, picture, trial.workers)
         equal = judgement.status == Status.EQUAL
         flagged = bounds.chaotic | bounds.loose | ~equal
@@ -111,6 +111,11 @@ def verdict(trial: Trial, picture: Array, bounds: Bounds, exact: Any) -> dict[st
         }
         values["where"] = [dataclasses.asdict(d) for d in judgement.differences if d.status == Status.UNEXPLAINED][:5]
     return values
+
+
+def is_explained(values: dict[str, Any]) -> bool:
+    """Tell from the numbers of `verdict` whether no pixel is unexplained."""
+    return bool(values.get("unexplained", values["beyond their bounds"]) == 0)
 
 
 def _outcome(values: dict[str, Any], holds: bool) -> Outcome:
@@ -128,7 +133,7 @@ def _text(name: str) -> str:
 def _scaled(trial: Trial, name: str, scale: float, linear: Any) -> Outcome:
     values = verdict(trial, *compared(trial, placed(_text(name), scale, linear), _size(trial)))
     good = (
-        values.get("unexplained", 0) == 0
+        is_explained(values)
         and values.get("off and not flagged", values["off"]) == 0
         and values.get("largest of equal", 0.0) <= LARGEST_ERROR
     )
@@ -145,10 +150,11 @@ def _moved(trial: Trial, name: str, distance: float, demanded: bool = True) -> O
         true = measure(here, trial.workers, cache=trial.cache).colour
         lost, tracer = (np.abs(a - bounds.colour).max(axis=2) for a in (true, picture))
         values = {
+            "beyond their bounds": 0,
             "off": int((tracer > FAR_OFF).sum()),
             "pixels": tracer.size,
             "input alone: median": float(np.median(lost)),
             "input alone: off": int((lost > FAR_OFF).sum()),
             "tracer alone: median": float(np.median(tracer)),
         }
-    return _outcome(values, not demanded or values.get("unexplained", values["off"]) == 0)
+    return _outcome(values, not demanded or is_explained(values))

@@ -73,11 +73,12 @@ def run(
             told(f"{case.family}: {case.name}")
             start = time.perf_counter()
             outcomes: dict[str, Outcome] = {}
+            known: dict[str, Any] = {}
             for policy in policies:
                 if case.ours_only and policy.name != OURS.name:
                     continue
                 with policy.installed():
-                    outcomes[policy.name] = _tried(case, Trial(policy, quick, folder, workers, cache))
+                    outcomes[policy.name] = _tried(case, Trial(policy, quick, folder, workers, cache, known))
             yield Result(case, outcomes, time.perf_counter() - start)
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
+import hashlib
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,6 +31,7 @@ class Trial:
     folder : for scene files; the shipped meshes and textures lie in it
     workers : where the reference traces rows
     cache : where traced pictures are kept, or None
+    known : what a case has found out for all policies: see `once`
     """
 
     policy: Policy
@@ -37,7 +39,7 @@ class Trial:
     folder: Path
     workers: Executor
     cache: Path | None = None
-    _numbers: Any = field(default_factory=itertools.count)
+    known: dict[str, Any] = field(default_factory=dict)
 
     def count(self, probes: int) -> int:
         """Return how many probes to send of so many."""
@@ -47,9 +49,15 @@ class Trial:
         """Return a source of the same numbers for every policy."""
         return np.random.default_rng(1980)
 
+    def once(self, make: Callable[[], Any]) -> Any:
+        """Make what does not depend on the policy, the first time that this case asks."""
+        if "made" not in self.known:
+            self.known["made"] = make()
+        return self.known["made"]
+
     def write(self, text: str) -> Path:
-        """Write a scene file."""
-        file = self.folder / f"stress_{next(self._numbers)}.xml"
+        """Write a scene file, of another name for every text."""
+        file = self.folder / f"stress_{hashlib.sha256(text.encode()).hexdigest()[:16]}.xml"
         file.write_text(text, encoding="utf-8")
         return file
 
