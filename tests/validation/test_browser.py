@@ -174,6 +174,16 @@ def test_unequal_pixels_are_listed_as_in_the_results_and_lead_there(browser: Bro
     assert browser.text(".told").startswith("Unexplained.")
 
 
+def test_unexplained_pixels_are_listed_before_explained_ones(browser: Browser, tmp_path: Path) -> None:
+    b = np.zeros((2, 3, 3))
+    a = b + np.arange(6).reshape(2, 3, 1)
+    status = np.array([[0, 2, 1], [2, 1, 0]], np.uint8)
+    report.write(tmp_path, {}, "t", [report.Viewer(a, b, status=status)])
+    browser.open(tmp_path / "report.html")
+    listed = browser.ask("[...document.querySelectorAll('.unequal button')].map((b) => b.textContent)")
+    assert listed == ["0, 1", "1, 0", "1, 1", "2, 0"]
+
+
 def srgb(linear: np.ndarray) -> list[int]:
     x = np.clip(linear, 0.0, 1.0)
     coded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)

@@ -9,6 +9,7 @@ import json
 import math
 import re
 import zlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -289,6 +290,34 @@ def test_what_is_not_whole_is_never_called_100_percent(pixels: int) -> None:
 )
 def test_a_turned_decision_is_told_as_a_place(reason: str, place: str) -> None:
     assert words.place(reason) == place
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"alternatives": 1}, "no yes/no decision on the way of this pixel is close enough for rounding to turn it."),
+        ({"alternatives": 2}, "1 other way to decide within rounding was tried, and none gives A's colour."),
+        (
+            {"complete": False},
+            "2 other ways to decide within rounding were tried, and none gives A's colour (the search ",
+        ),
+        ({"settled_by": "40 digits"}, "A's colour. B was computed again in 40 digits, and stands."),
+    ],
+)
+def test_what_is_unexplained_says_what_was_tried(change: dict[str, Any], said: str) -> None:
+    assert said in words.why(replace(turned(), **change))
+
+
+def test_a_student_is_told_why_the_two_differ() -> None:
+    assert words.why(turned(SHADOW, "tie of `floor`, bounce 1")) == (
+        "This pixel lies on the shadow edge of `ball` from `key_light`, and on a tie of `floor` seen in a mirror, so "
+        "close that float32 rounding decides whether it is on one side or the other. A has the colour that the "
+        "reference finds on the other side."
+    )
+    assert words.why(turned("beyond float32: most draws decide otherwise")) == (
+        "Explained: beyond float32: most draws decide otherwise."
+    )
+    assert "no number" in words.why(turned(), finite=False)
 
 
 def test_several_scenes_are_summed_up() -> None:
