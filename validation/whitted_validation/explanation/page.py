@@ -22,7 +22,7 @@ STYLE = """
   background: var(--paper); color: var(--ink); font: 1rem/1.5 system-ui, -apple-system, "Segoe UI", Roboto,
   "Helvetica Neue", Arial, sans-serif; max-width: 60rem;
 }
-@media (prefers-color-scheme: dark) {
+@media screen and (prefers-color-scheme: dark) {
   .explain {
     --paper: #15171a; --panel: #1f2226; --ink: #e6e7e8; --quiet: #9aa0a6; --line: #363a40; --accent: #7fb0ff;
     --sun: #ffc14d; --shade: #7b828a;
