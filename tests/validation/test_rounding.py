@@ -85,7 +85,8 @@ def test_a_bound_grows_where_float32_loses_more() -> None:
 
 
 INSTANCE = """<scene version="3.0.0"><sensor type="perspective">
-  <transform name="to_world"><translate z="-5"/></transform><film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="16"/></film></sensor>
+  <transform name="to_world"><translate z="-5"/></transform>
+  <film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="16"/></film></sensor>
   <shape type="shapegroup" id="group"><shape type="sphere"><point name="center" x="1000" y="-300" z="70"/></shape>
   <shape type="cube"><transform name="to_world"><translate x="1001.5" y="-300" z="70"/></transform></shape></shape>
   <shape type="instance" id="far"><ref id="group"/><transform name="to_world"><translate x="-1000" y="300" z="-70"/>
