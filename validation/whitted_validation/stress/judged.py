@@ -74,7 +74,7 @@ def cases() -> Iterator[Case]:
                 "the front is black", _is_black)  # fmt: skip
     yield _case("lights in odd places", "straight behind the eye", FLOOR + BALL + _lamp("0.3, 2.2, -6"),
                 "no pixel is unexplained where h = v = l", _is_finite)  # fmt: skip
-    for exponent in (-44, -38):
+    for exponent in (-44, -36):
         tiny = FLOOR + BALL + _lamp("-2, 5, -3", float(f"1e{exponent}"))
         small = (
             "what is lost is below 2^-126, where float32 has no full numbers (shown: largest error in units of that)"
