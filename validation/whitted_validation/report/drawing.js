@@ -51,9 +51,15 @@ const makers = {
       return errors[i] === Infinity ? [255, 0, 255] : ramp((Math.log10(errors[i]) - low) / (high - low));
     };
   },
+  /** Equal pixels show a pale A in grey, so that the others are seen in their place. */
   verdict(pair) {
     const hues = HUES[isDark() ? "dark" : "light"];
-    return (i) => hues[pair.status[i]];
+    return (i) => {
+      const hue = hues[pair.status[i]];
+      if (pair.status[i]) return hue;
+      const grey = coded(0.2126 * pair.a[0][i] + 0.7152 * pair.a[1][i] + 0.0722 * pair.a[2][i]);
+      return hue.map((x) => 0.7 * x + 0.3 * grey);
+    };
   },
 };
 

@@ -24,7 +24,7 @@ def of_everything(scenes: Sequence[Mapping[str, Any]], refused: int, complete: b
     where = _many(len(scenes), "scene")
     said = f"{_agreeing(totals['equal'], pixels)} in {where}" if scenes else "No scene is judged yet"
     if totals["explained"]:
-        said += f"; {totals['explained']:,} differ where rounding may turn a decision"
+        said += f"; {_differ(totals['explained'])} where rounding may turn a decision"
     if totals["unexplained"]:
         bad = sum(s["pixels"]["unexplained"] > 0 for s in scenes)
         said += f"; {_many(totals['unexplained'], 'pixel')} of {_many(bad, 'scene')} differ without an explanation"
