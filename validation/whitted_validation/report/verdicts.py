@@ -215,8 +215,8 @@ def _titles(verdicts: Sequence[Verdict]) -> list[str]:
 
 
 def _table(scenes: Sequence[tuple[Mapping[str, Any], str]]) -> Table:
-    columns = ["scene", "size", "unexplained", "explained", "equal", "error, median", "largest"]
-    columns += ["bound, median", "largest", "loose", "seconds"]
+    columns = ["scene", "size", "unexplained", "explained", "equal", "median error", "largest error"]
+    columns += ["largest error / bound", "loose", "seconds"]
     rows = []
     for scene, title in scenes:
         pixels = scene["pixels"]
@@ -227,7 +227,9 @@ def _table(scenes: Sequence[tuple[Mapping[str, Any], str]]) -> Table:
                 Cell(pixels["unexplained"], "bad" if pixels["unexplained"] else ""),
                 pixels["explained"],
                 pixels["equal"],
-                *(scene[what][which] for what in ("error", "bound") for which in ("median", "largest")),
+                scene["error"]["median"],
+                scene["error"]["largest"],
+                _ratio(scene),
                 sum(scene["loose"].values()),
                 scene["seconds"],
             ]
