@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import multiprocessing
 import os
+import signal
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
@@ -92,7 +93,12 @@ class Here(Executor):
 @contextmanager
 def processes() -> Iterator[Executor]:
     """Offer new local processes; those that wait are dropped when the work is interrupted."""
-    executor = ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn"))
+    # Ctrl-C reaches workers too; what to do about it is decided here.
+    executor = ProcessPoolExecutor(
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=signal.signal,
+        initargs=(signal.SIGINT, signal.SIG_IGN),
+    )
     try:
         yield executor
     finally:
