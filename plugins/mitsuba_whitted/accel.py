@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from mitsuba_whitted.scene_graph import SceneGraph, registry_number
 from mitsuba_whitted.tables import fetch, index_column
-from mitsuba_whitted.transforms import Matrix, matrix_of
+from mitsuba_whitted.transforms import Matrix, matrix_of, moved
 
 
 class Met(NamedTuple):
@@ -37,15 +38,14 @@ class Accel:
     instances, but of spheres enlarged so far that the direction gets no longer.
     """
 
-    def __init__(self, graph: SceneGraph, shapes: list[mi.Shape]) -> None:
+    def __init__(self, graph: SceneGraph, shapes: list[mi.Shape], centre: NDArray[np.float64]) -> None:
         row_of = {shape: row for row, shape in enumerate(shapes)}
-        contents: list[Any] = list(graph.plain)
+        contents: list[Any] = [] if centre.any() else list(graph.plain)
         placed = [[row_of[shape], 0] for shape in contents]
         triangles: list[tuple[list[int], NDArray[Any], NDArray[Any]]] = []
         ellipsoids: list[tuple[list[int], Any, Any]] = []
-        for number, instance in enumerate(graph.instances, 1):
-            to_world = matrix_of(graph.value(instance, "to_world"), f"instance `{instance.id()}`")
-            for member in graph.members[graph.group_of[instance]]:
+        for number, to_world, members in _placements(graph, centre):
+            for member in members:
                 who = [row_of[member], number]
                 if member.is_mesh():
                     triangles.append((who, *_world_triangles(graph, member, to_world)))
@@ -54,7 +54,7 @@ class Accel:
                 else:
                     contents.append(_moved(graph, member, to_world))
                     placed.append(who)
-        self.instanced = bool(graph.instances)
+        self._as_given = contents == graph.plain and not (triangles or ellipsoids)
         self._placed = index_column(placed or [[0, 0]])
         self._soup: Any = None
         if triangles:
@@ -78,7 +78,7 @@ class Accel:
 
     def met(self, pi: mi.PreliminaryIntersection3f, active: Any) -> Met:
         """Say which shape of the scene, and which triangle of it, the answer of `first_hit` stands for."""
-        if not self.instanced:
+        if self._as_given:
             return Met(dr.select(active, pi.shape_index, 0), mi.UInt32(0), pi.prim_index)
         in_soup = active & (pi.shape_index == self._soup_geometry) if self._soup is not None else mi.Bool(False)
         on_ellipsoid = active & (pi.instance != None) if self._ellipsoids else mi.Bool(False)  # noqa: E711  # a lane each
@@ -92,6 +92,18 @@ class Accel:
         if self._ellipsoids:
             who = dr.select(on_ellipsoid, self._ellipsoids(pi.instance, on_ellipsoid), who)
         return Met(who.x, who.y, face)
+
+
+def _placements(graph: SceneGraph, centre: NDArray[np.float64]) -> Iterator[tuple[int, Matrix, list[Any]]]:
+    """List what is not traversed as it is: number of the placement, its transform, and the shapes.
+
+    Instances count from 1. Where the scene is moved to its centre, its own shapes are a placement like them.
+    """
+    if centre.any():
+        yield 0, moved(np.eye(4), -centre), graph.plain
+    for number, instance in enumerate(graph.instances, 1):
+        to_world = matrix_of(graph.value(instance, "to_world"), f"instance `{instance.id()}`")
+        yield number, moved(to_world, -centre), graph.members[graph.group_of[instance]]
 
 
 def _scene(contents: list[Any]) -> mi.Scene:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.scene_graph import Node, Stamp, number, read, recorder
@@ -34,14 +35,22 @@ class Camera:
     own rays are used only for sensors that are neither `perspective` nor `orthographic`; they lose digits
     (their origin is the rounded point on the near plane).
 
+    Parameters
+    ----------
+    sensor : Sensor
+        Of a scene.
+    centre : (3,) array
+        Where rays have their origin of coordinates: `Surfaces.centre`.
+
     Raises
     ------
     SceneError
         If to_world is singular or not finite, or that of a perspective camera scales by anything but 1.
     """
 
-    def __init__(self, sensor: mi.Sensor) -> None:
+    def __init__(self, sensor: mi.Sensor, centre: NDArray[np.float64]) -> None:
         self._sensor = sensor
+        self._centre = centre
         self._film = sensor.film()
         self._values = Node()
         sensor.traverse(recorder(self._values))
@@ -52,9 +61,10 @@ class Camera:
         if self.known:
             self._constants = self._affine_map()
 
-    def follows(self, sensor: mi.Sensor) -> bool:
+    def follows(self, sensor: mi.Sensor, centre: NDArray[np.float64]) -> bool:
         """Whether this camera still is what `sensor` says."""
-        return sensor is self._sensor and self._stamp.is_current() and self._window == self._film_window()
+        same = sensor is self._sensor and bool((centre == self._centre).all())
+        return same and self._stamp.is_current() and self._window == self._film_window()
 
     def rays(self, x: Any, y: Any) -> Rays:
         """Make the rays through `x`, `y`: Float, pixels from the upper left corner of the crop window."""
@@ -80,7 +90,7 @@ class Camera:
             raise SceneError(f"{name}: to_world scales by {scales.tolist()}; allowed is a scale of 1")
         width, height, crop_x, crop_y = self._window
         near, far = self._read("near_clip"), self._read("far_clip")
-        eye = matrix[:3, 3]
+        eye = matrix[:3, 3] - self._centre
         if self.kind == "PerspectiveCamera":
             half = np.tan(np.deg2rad(number(self._read("x_fov"))) / 2)  # T of the model
             principal = [number(self._read(f"principal_point_offset_{axis}")) for axis in "xy"]
@@ -109,7 +119,7 @@ class Camera:
         except RuntimeError as error:  # an irradiance meter, say, has no rays of its own
             raise SceneError(f"sensor `{self._sensor.id()}`: {self.kind} is not handled: {error}") from None
         d = dr.normalize(ray.d)
-        return Rays(ray.o, d, mi.Vector3f(0), ray.maxt)
+        return Rays(mi.Point3f(ray.o - mi.Vector3f(*self._centre.tolist())), d, mi.Vector3f(0), ray.maxt)
 
     def _read(self, name: str) -> Any:
         return read(*self._values.values[name], self._sensor)

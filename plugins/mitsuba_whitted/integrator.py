@@ -148,7 +148,7 @@ def define() -> type[mi.SamplingIntegrator]:
             """
             sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
             stage, plan = self._prepare(scene)
-            camera = self._look_through(sensor)
+            camera = self._look_through(sensor, stage)
 
             def draw(x: Any, y: Any, active: Any) -> tuple[Any, Any]:
                 traced = trace(stage, plan, camera.rays(x, y), active)
@@ -171,7 +171,8 @@ def define() -> type[mi.SamplingIntegrator]:
             stage, plan = self._prepare(scene, edits=bool(dr.is_jit_v(mi.Float)))
             length = dr.norm(ray.d)
             d = ray.d * dr.rcp(length)
-            traced = trace(stage, plan, Rays(ray.o, d, mi.Vector3f(0), ray.maxt * length), active)
+            o = mi.Point3f(ray.o - stage.surfaces.origin)
+            traced = trace(stage, plan, Rays(o, d, mi.Vector3f(0), ray.maxt * length), active)
             return traced.colour, traced.hit, []
 
         def plan(self, scene: mi.Scene) -> Plan:
@@ -182,7 +183,7 @@ def define() -> type[mi.SamplingIntegrator]:
             """Count the rays of a picture by tracing it once more: `camera`, `mirror` and `shadow` rays."""
             sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
             stage, plan = self._prepare(scene)
-            camera = self._look_through(sensor)
+            camera = self._look_through(sensor, stage)
 
             n = self._grid(sensor, spp)
 
@@ -212,9 +213,9 @@ def define() -> type[mi.SamplingIntegrator]:
                 self._tell_once(f"{name} is drawn where it is seen, but lights no surface")
             return self._stage, plan_of(self._stage)
 
-        def _look_through(self, sensor: mi.Sensor) -> Camera:
-            if self._camera is None or not self._camera.follows(sensor):
-                self._camera = Camera(sensor)
+        def _look_through(self, sensor: mi.Sensor, stage: Stage) -> Camera:
+            if self._camera is None or not self._camera.follows(sensor, stage.surfaces.centre):
+                self._camera = Camera(sensor, stage.surfaces.centre)
             return self._camera
 
         def _grid(self, sensor: mi.Sensor, spp: int) -> int:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from mitsuba_whitted import precise
 from mitsuba_whitted.errors import SceneError
@@ -88,8 +89,8 @@ class Lights:
         return Sample(l, colour, distance, end)
 
 
-def lights_of(graph: SceneGraph) -> list[Lights]:
-    """Sort the delta lights of a scene by kind, each kind in the order of the scene."""
+def lights_of(graph: SceneGraph, centre: NDArray[np.float64]) -> list[Lights]:
+    """Sort the delta lights of a scene by kind, each kind in the order of the scene; places relative to `centre`."""
     rows: dict[str, list[list[float]]] = {}
     radiant: dict[str, list[list[float]]] = {}
     for emitter in graph.emitters:
@@ -99,6 +100,8 @@ def lights_of(graph: SceneGraph) -> list[Lights]:
             row, colour = read(graph, emitter)
             if not np.all(np.isfinite(row)):
                 raise SceneError(f"emitter `{emitter.id()}`: its position or angles {row} are not finite")
+            if name != "directional":
+                row[:3] = list(np.array(row[:3]) - centre)
             rows.setdefault(name, []).append(row)
             radiant.setdefault(name, []).append(colour)
     return [Lights(name, rows[name], radiant[name]) for name in rows]

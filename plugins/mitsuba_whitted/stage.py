@@ -65,9 +65,10 @@ class Stage:
         """Take over every edit since the last picture."""
         if settings != self.settings:
             self._take(settings)
+        centre = self.surfaces.centre
         if not self._geometry_stamp.is_current():
             self._build_surfaces()
-        if not self._appearance_stamp.is_current():
+        if not self._appearance_stamp.is_current() or (self.surfaces.centre != centre).any():
             self._build_appearance()
 
     def background(self, d: Any, active: Any) -> Any:
@@ -93,7 +94,7 @@ class Stage:
         graph = self._graph
         self._appearance_stamp = graph.appearance_stamp()
         self.materials = Materials(graph)
-        self.lights = lights_of(graph)
+        self.lights = lights_of(graph, self.surfaces.centre)
         self.environment: Any = graph.environment
         _check_background(graph)
         radiance = [_radiance(graph, shape) for shape in graph.all_shapes]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mitsuba_whitted import precise
 from mitsuba_whitted.accel import Accel
 from mitsuba_whitted.camera import Rays
+from mitsuba_whitted.centre import centre_of
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.instances import Instances
 from mitsuba_whitted.meshes import Meshes
@@ -79,13 +80,19 @@ class _Row(NamedTuple):
 
 
 class Surfaces:
-    """All shapes of a scene: which one a ray meets is Embree's answer, where it meets it is computed here."""
+    """All shapes of a scene: which one a ray meets is Embree's answer, where it meets it is computed here.
+
+    Members of groups keep their own coordinates; all others, and every ray, are relative to `centre`.
+    """
 
     def __init__(self, graph: SceneGraph) -> None:
         shapes = graph.all_shapes
-        rows = [_row(graph, shape) for shape in shapes]
+        self.centre = centre_of(graph)
+        self.origin = opaque(mi.Vector3f(*self.centre.tolist()))
+        origins = [self.centre] * len(graph.plain) + [np.zeros(3)] * (len(shapes) - len(graph.plain))
+        rows = [_row(graph, shape, origin) for shape, origin in zip(shapes, origins, strict=True)]
         self.kinds = {row.kind for row in rows}
-        self.accel = Accel(graph, shapes)
+        self.accel = Accel(graph, shapes, self.centre)
         box = self.accel.bbox()
         extent = float(max(box.extents())) if box.valid() else 0.0
         self._corners = opaque(mi.Point3f(box.min)), opaque(mi.Point3f(box.max))
@@ -98,8 +105,8 @@ class Surfaces:
         self._reach = column([*row.reach, 0.0] for row in rows)
         self._to_local = column(row.to_local.ravel() for row in rows)
 
-        self.meshes = Meshes(graph, shapes)
-        self.instances = Instances(graph) if graph.instances else None
+        self.meshes = Meshes(graph, shapes, origins)
+        self.instances = Instances(graph, self.centre) if graph.instances else None
 
     def approached(self, rays: Rays) -> Rays:
         """Begin the traversal of camera rays where they enter the bounding box.
@@ -196,7 +203,7 @@ class Surfaces:
         return uv
 
 
-def _row(graph: SceneGraph, shape: mi.Shape) -> _Row:
+def _row(graph: SceneGraph, shape: mi.Shape, centre: Vector) -> _Row:
     kind = _KINDS.get(shape.class_name(), Kind.MESH)
     if kind == Kind.MESH and not shape.is_mesh():
         raise SceneError(
@@ -207,7 +214,7 @@ def _row(graph: SceneGraph, shape: mi.Shape) -> _Row:
         raise SceneError(f"shape `{shape.id()}`: participating media are not handled")
 
     box = shape.bbox()
-    reach = np.maximum(np.abs(np.array(box.min, float)), np.abs(np.array(box.max, float)))
+    reach = np.maximum(np.abs(np.array(box.min, float) - centre), np.abs(np.array(box.max, float) - centre))
     flipped = -1.0 if shape.has_flipped_normals() else 1.0
     if kind == Kind.MESH:
         zero = np.zeros(3)
@@ -215,7 +222,7 @@ def _row(graph: SceneGraph, shape: mi.Shape) -> _Row:
 
     to_world = graph.value(shape, "to_world")
     matrix = matrix_of(to_world, f"shape `{shape.id()}`", _PLACED_BY.get(kind, "to_world"))
-    linear, origin = matrix[:3, :3], matrix[:3, 3]
+    linear, origin = matrix[:3, :3], matrix[:3, 3] - centre
     to_local = np.linalg.inv(linear)
 
     radius = float(np.linalg.norm(linear[:, 0]))
