@@ -37,8 +37,9 @@ class Sample(NamedTuple):
 class Lights:
     """Lights of one kind."""
 
-    def __init__(self, kind: str, rows: list[list[float]], radiant: list[list[float]]) -> None:
+    def __init__(self, kind: str, ids: list[str], rows: list[list[float]], radiant: list[list[float]]) -> None:
         self.kind = kind
+        self.ids = ids
         self.count = len(rows)
         self._rows = column(rows)
         self._width = len(rows[0]) // 3
@@ -91,6 +92,7 @@ class Lights:
 
 def lights_of(graph: SceneGraph, centre: NDArray[np.float64]) -> list[Lights]:
     """Sort the delta lights of a scene by kind, each kind in the order of the scene; places relative to `centre`."""
+    ids: dict[str, list[str]] = {}
     rows: dict[str, list[list[float]]] = {}
     radiant: dict[str, list[list[float]]] = {}
     for emitter in graph.emitters:
@@ -102,9 +104,10 @@ def lights_of(graph: SceneGraph, centre: NDArray[np.float64]) -> list[Lights]:
                 raise SceneError(f"emitter `{emitter.id()}`: its position or angles {row} are not finite")
             if name != "directional":
                 row[:3] = list(np.array(row[:3]) - centre)
+            ids.setdefault(name, []).append(emitter.id())
             rows.setdefault(name, []).append(row)
             radiant.setdefault(name, []).append(colour)
-    return [Lights(name, rows[name], radiant[name]) for name in rows]
+    return [Lights(name, ids[name], rows[name], radiant[name]) for name in rows]
 
 
 def lights_nothing(graph: SceneGraph) -> list[str]:

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 from whitted_reference.instances import Placed
 from whitted_reference.polygon import Polygon
-from whitted_reference.shapes import Cylinder, Disk, Parallelogram, Primitive, Sphere, Triangle
+from whitted_reference.shapes import Cylinder, Disk, Parallelogram, Primitive, Sphere
+from whitted_reference.triangles import Triangle
 from whitted_reference.vectors import Vec, add, dot, scaled, sub
 
 

@@ -121,8 +121,8 @@ class Recorder(Tracer):
 
     def __init__(self, description: scene.Scene, sensor: int = 0, reach: float = math.inf) -> None:
         super().__init__(description, FLOAT, sensor)
-        self._reach = reach
-        self._flips: frozenset[Key] = frozenset()
+        self.reach = reach
+        self.flips: frozenset[Key] = frozenset()
         self._decisions: dict[Key, Decision] = {}
         self._stack: list[RayNode] = []
 
@@ -134,12 +134,17 @@ class Recorder(Tracer):
 
     def record_ray(self, e: Vec, d: Vec, start: float, end: float, flips: frozenset[Key] = frozenset()) -> Tree:
         """Trace a ray of one's own."""
-        self._flips, self._decisions, self._stack = flips, {}, []
+        self.flips, self._decisions, self._stack = flips, {}, []
         top = RayNode(-1, e, d)
         self._stack.append(top)
         colour = self.raycolor(e, d, start, end)
         assert top.mirror is not None
         return Tree(top.mirror, tuple(self._decisions.values()), colour)
+
+    @property
+    def node(self) -> RayNode:
+        """The ray at work."""
+        return self._stack[-1]
 
     # ------------------------------------------------------------------------- listening at the tracer
     def raycolor(
@@ -154,7 +159,7 @@ class Recorder(Tracer):
     ) -> Colour:
         """Do as the tracer, and hang what happens under the ray that led here."""
         node = RayNode(k, e, d)
-        self._stack[-1].mirror = node
+        self.node.mirror = node
         self._stack.append(node)
         node.colour = super().raycolor(e, d, start, end, k, leaving, share)
         self._stack.pop()
@@ -164,22 +169,22 @@ class Recorder(Tracer):
         self, e: Vec, d: Vec, start: float, end: float, leaving: Primitive | None
     ) -> tuple[Primitive, float] | tuple[None, None]:
         """Do as the tracer, but with every meeting a decision of its own."""
-        node = self._stack[-1]
-        met = self._meetings("seen", "", e, d, start, end, leaving)
+        node = self.node
+        met = self.meetings("seen", "", e, d, start, end, leaving)
         met.sort(key=lambda found: (found[0], found[1].index))
         if not met:
             return None, None
         chosen = 0
         for other, (t, primitive) in enumerate(met[1:], 1):
             gap = t - met[0][0]
-            if gap > self._reach:
+            if gap > self.reach:
                 break
             key = Key(node.k, "nearer", "", primitive.index)
-            if self._decide(key, "tie", primitive.surface.id, False, gap):
+            if self.decide(key, "tie", primitive.surface.id, False, gap):
                 chosen = other
         t, primitive = met[chosen]
-        node.forced = Key(node.k, "seen", "", primitive.index) in self._flips
-        self._describe(node, primitive, t, e, d)
+        node.forced = Key(node.k, "seen", "", primitive.index) in self.flips
+        self.describe(node, primitive, t, e, d)
         return primitive, t
 
     def blocker(
@@ -192,20 +197,20 @@ class Recorder(Tracer):
     ) -> Primitive | None:
         """Do as the tracer, but with every blocker a decision of its own."""
         away = leaving if self._exact else None
-        met = self._meetings("blocks", light.id, p, l, self._start, distance, away)
+        met = self.meetings("blocks", light.id, p, l, self.start, distance, away)
         blocking = [primitive for t, primitive in met if t < distance]
-        node = self._stack[-1].lights[-1]
+        node = self.node.lights[-1]
         node.blocked_by = blocking[0].surface.id if blocking else None
         node.distance = distance
         return blocking[0] if blocking else None
 
     def positive(self, kind: str, x: float, y: float, light: Light | None = None) -> bool:
         """Do as the tracer, and write the smaller cosine down."""
-        node = self._stack[-1]
+        node = self.node
         key = Key(node.k, kind, light.id if light else "", node.primitive)
         # A silhouette that the ray is made to meet is seen from the front and at a grazing angle.
         answer = super().positive(kind, x, y, light) or (node.forced and light is None)
-        answer = self._decide(key, f"{kind} n.l = 0" if light else kind, node.shape or "", answer, min(x, y))
+        answer = self.decide(key, f"{kind} n.l = 0" if light else kind, node.shape or "", answer, min(x, y))
         if kind == "facing":
             node.n_v, node.n_g_v = x, y
             self._take_side(node)
@@ -218,17 +223,17 @@ class Recorder(Tracer):
 
     def textured(self, side: Material, uv: tuple[float, float]) -> Terms:
         """Do as the tracer, or beyond the nearest jump of a texture's colour."""
-        node = self._stack[-1]
+        node = self.node
         edge = beyond_nearest_edge(side.textures, *uv)
         if edge is not None:
             key = Key(node.k, "texture", "", node.primitive)
-            if not self._decide(key, "texture edge", node.shape or "", True, edge[0]):
+            if not self.decide(key, "texture edge", node.shape or "", True, edge[0]):
                 uv = edge[1]
         return super().textured(side, uv)
 
     def reflected(self, terms: Terms, i: Colour, n: Vec, d: Vec, l: Vec, n_l: float) -> Colour:  # noqa: E741
         """Do as the tracer, and keep the result."""
-        node = self._stack[-1]
+        node = self.node
         node.terms = terms
         light = node.lights[-1]
         light.irradiance = i
@@ -237,15 +242,16 @@ class Recorder(Tracer):
         return light.colour
 
     # -------------------------------------------------------------------------------------- decisions
-    def _decide(self, key: Key, kind: str, shape: str, answer: bool, by: float) -> bool:
+    def decide(self, key: Key, kind: str, shape: str, answer: bool, by: float) -> bool:
+        """Write a decision down; return its answer, turned round if that is asked for."""
         self._decisions[key] = Decision(key, kind, shape, answer, by)
-        return answer != (key in self._flips)
+        return answer != (key in self.flips)
 
-    def _meetings(
+    def meetings(
         self, what: str, light: str, e: Vec, d: Vec, start: float, end: float, leaving: Primitive | None
     ) -> list[tuple[float, Primitive]]:
         """Return all primitives that the ray meets in (start, end], after flips, with their t."""
-        node = self._stack[-1]
+        node = self.node
         met = []
         for primitive in self.primitives:
             ask = primitive.again if primitive is leaving else primitive.hit
@@ -268,14 +274,15 @@ class Recorder(Tracer):
         for gap, name in ((other_t - start, "contact"), (end - other_t, "end of the ray")):
             if abs(gap) < abs(by):
                 kind, by = name, math.copysign(gap, 1.0 if t is not None else -1.0)
-        if abs(by) > self._reach or (t is None and not start - self._reach < other_t < end + self._reach):
+        if abs(by) > self.reach or (t is None and not start - self.reach < other_t < end + self.reach):
             return t
-        yes = self._decide(key, kind, primitive.surface.id, t is not None, by)
+        yes = self.decide(key, kind, primitive.surface.id, t is not None, by)
         if not yes:
             return None
         return t if t is not None else min(max(other_t, 0.0), end)
 
-    def _describe(self, node: RayNode, primitive: Primitive, t: float, e: Vec, d: Vec) -> None:
+    def describe(self, node: RayNode, primitive: Primitive, t: float, e: Vec, d: Vec) -> None:
+        """Write down what stands where the ray meets a primitive."""
         p = (e[0] + t * d[0], e[1] + t * d[1], e[2] + t * d[2])
         node.shape, node.primitive, node.t, node.p = primitive.surface.id, primitive.index, t, p
         node.n, node.n_g = primitive.normals(e, d, t, p)

@@ -20,7 +20,9 @@ from whitted_reference.materials import Material, Terms
 from whitted_reference.ray_tree import Decision, Key, RayNode, Recorder, Tree
 from whitted_reference.shapes import Cylinder, Disk, Primitive, Sphere
 from whitted_reference.vectors import Vec, dot
-from whitted_validation.rounding import TRANSFORMED, Bound, Ray, Rounding, Step, U, chain, length, side_of
+from whitted_validation.forms import length
+from whitted_validation.rounding import Bound, Ray, Rounding, Step, chain, side_of
+from whitted_validation.roundoffs import TRANSFORMED, U
 from whitted_validation.textures import Slopes
 
 # At most so many combinations of turned decisions are traced for a pixel, those of fewest decisions first.
@@ -68,21 +70,20 @@ class Doubter(Recorder):
 
     def __init__(self, description: scene.Scene, sensor: int = 0) -> None:
         super().__init__(description, sensor)
-        self.start = float(self._start)
         film = self.film
         self.camera_end = float(self.camera.ray(film.crop_width // 2, film.crop_height // 2)[3])
         # Far more than any bound that explains something: what a ray passes at a greater distance is not asked.
         boxes = np.array([p.box for p in self.primitives], float).reshape(-1, 6)
         size = boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0) if len(boxes) else np.zeros(3)
-        self._reach = NEAR * float(size.max())
-        self._low, self._high = boxes[:, :3] - self._reach, boxes[:, 3:] + self._reach
+        self.reach = NEAR * float(size.max())
+        self._low, self._high = boxes[:, :3] - self.reach, boxes[:, 3:] + self.reach
         self._everything = self.primitives
         self.moves: dict[Key, tuple[float, float]] = {}
         for light in self.lights:
             if isinstance(light, Spot):
                 light.share = self._share_of(light, light.share)  # type: ignore[method-assign]
 
-    def _meetings(
+    def meetings(
         self, what: str, light: str, e: Vec, d: Vec, start: float, end: float, leaving: Primitive | None
     ) -> list[tuple[float, Primitive]]:
         """Ask only primitives whose boxes the ray's line passes closely (Kay and Kajiya 1986)."""
@@ -91,14 +92,14 @@ class Doubter(Recorder):
         passed = np.minimum(a, b).max(axis=1) <= np.maximum(a, b).min(axis=1)
         self.primitives = [self._everything[i] for i in np.flatnonzero(passed)]
         try:
-            return super()._meetings(what, light, e, d, start, end, leaving)
+            return super().meetings(what, light, e, d, start, end, leaving)
         finally:
             self.primitives = self._everything
 
     def textured(self, side: Material, uv: tuple[float, float]) -> Terms:
         """Evaluate for the ray at work, across a step if that is turned."""
-        node = self._stack[-1]
-        for key in self._flips:
+        node = self.node
+        for key in self.flips:
             if key.what.startswith("texture") and (key.k, key.primitive) == (node.k, node.primitive):
                 uv = uv[0] + self.moves[key][0], uv[1] + self.moves[key][1]
         node.terms = side.at(*uv)
@@ -106,8 +107,8 @@ class Doubter(Recorder):
 
     def _share_of(self, light: Spot, share: Any) -> Any:
         def moved(theta: float) -> Any:
-            key = Key(self._stack[-1].k, "cone", light.id, self._stack[-1].primitive)
-            return share(theta + self.moves[key][0] if key in self._flips else theta)
+            key = Key(self.node.k, "cone", light.id, self.node.primitive)
+            return share(theta + self.moves[key][0] if key in self.flips else theta)
 
         return moved
 
@@ -229,17 +230,17 @@ class Alternatives:
         for light in self._doubter.lights:
             if not isinstance(light, Spot):
                 continue
-            x, y, z = (a - b for a, b in zip(light._data[:3], node.p, strict=True))
+            x, y, z = (a - b for a, b in zip(light.position, node.p, strict=True))
             distance = math.sqrt(x * x + y * y + z * z)
             if distance == 0.0:
                 continue
             theta = light.angle(x / distance, y / distance, z / distance)
             assert step.p is not None
             off = self._rounding.cone_error(light, step.p, np.array([x, y, z]) / distance, distance)
-            if abs(theta - light._cutoff) <= off:
+            if abs(theta - light.cutoff) <= off:
                 key = Key(node.k, "cone", light.id, node.primitive)
-                self._doubter.moves[key] = (off if theta < light._cutoff else -off, 0.0)
-                yield Decision(key, f"spot cone of {light.id}", node.shape or "", theta < light._cutoff, off)
+                self._doubter.moves[key] = (off if theta < light.cutoff else -off, 0.0)
+                yield Decision(key, f"spot cone of {light.id}", node.shape or "", theta < light.cutoff, off)
 
 
 @dataclass

@@ -67,7 +67,7 @@ class Verdict:
         return self.summary
 
     def _repr_html_(self) -> str:
-        from whitted_validation.report import pictures
+        from whitted_validation.report.verdicts import pictures
 
         return f"<p>{html.escape(self.summary)}</p>{pictures(self)}"
 
