@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_whitted.errors import SceneError
+from mitsuba_whitted.precise import UNIT_ROUNDOFF
+from mitsuba_whitted.ray import NOTHING, Ray
 from mitsuba_whitted.scene_graph import Node, Stamp, number, read, recorder
 from mitsuba_whitted.tables import opaque
 from mitsuba_whitted.transforms import matrix_of
@@ -18,14 +20,11 @@ SCALE_TOLERANCE = 1e-3
 """How far from 1 the scale of a camera's to_world may be: Mitsuba measures its clip planes in camera units."""
 
 
-class Rays(NamedTuple):
-    """Rays to be followed; the traversal begins at ``o + shift`` and ends `end` further along `d`."""
+_LEAST = 2.0**-126
+"""The least float32 that is never rounded to 0."""
 
-    o: Any
-    d: Any
-    """Unit length."""
-    shift: Any
-    end: Any
+_CLOSED = 4 * UNIT_ROUNDOFF
+"""Clip planes belong to what is seen, but rays are open at both ends; their distances carry four roundings."""
 
 
 class Camera:
@@ -66,7 +65,7 @@ class Camera:
         same = sensor is self._sensor and bool((centre == self._centre).all())
         return same and self._stamp.is_current() and self._window == self._film_window()
 
-    def rays(self, x: Any, y: Any) -> Rays:
+    def rays(self, x: Any, y: Any) -> Ray:
         """Make the rays through `x`, `y`: Float, pixels from the upper left corner of the crop window."""
         if not self.known:
             return self._rays_of_mitsuba(x, y)
@@ -75,11 +74,10 @@ class Camera:
         dx, dy = x - x0_y0_near.x, y - x0_y0_near.y
         on_plane = mi.Vector3f(dr.fma(dx, per_x, dr.fma(dy, per_y, centre)))
         if self.kind == "OrthographicCamera":
-            return Rays(mi.Point3f(eye + on_plane), forward, mi.Vector3f(0), far)
+            return camera_ray(mi.Point3f(eye + on_plane), forward, 0, far)
         length = dr.norm(on_plane)  # of the direction whose component along the camera's z is 1
         d = on_plane / length
-        near = x0_y0_near.z * length
-        return Rays(mi.Point3f(eye), d, near * d, (far - x0_y0_near.z) * length)
+        return camera_ray(mi.Point3f(eye), d, x0_y0_near.z * length, far * length)
 
     def _affine_map(self) -> tuple[Any, ...]:
         """Constants of the direction, or of the origin, as an affine function of the position on the film."""
@@ -111,18 +109,29 @@ class Camera:
         """Size of the film, and where its crop window begins."""
         return [int(number) for number in (*self._film.size(), *self._film.crop_offset())]
 
-    def _rays_of_mitsuba(self, x: Any, y: Any) -> Rays:
+    def _rays_of_mitsuba(self, x: Any, y: Any) -> Ray:
         size = self._film.crop_size()
         position = mi.Point2f(x / size[0], y / size[1])
         try:
             ray, _ = self._sensor.sample_ray(mi.Float(0), mi.Float(0.5), position, mi.Point2f(0.5))
         except RuntimeError as error:  # an irradiance meter, say, has no rays of its own
             raise SceneError(f"sensor `{self._sensor.id()}`: {self.kind} is not handled: {error}") from None
-        d = dr.normalize(ray.d)
-        return Rays(mi.Point3f(ray.o - mi.Vector3f(*self._centre.tolist())), d, mi.Vector3f(0), ray.maxt)
+        return any_ray(ray, mi.Vector3f(*self._centre.tolist()))
 
     def _read(self, name: str) -> Any:
         return read(*self._values.values[name], self._sensor)
+
+
+def camera_ray(o: Any, d: Any, near: Any, far: Any) -> Ray:
+    """Make the ray that sees from `near` to `far`, both included."""
+    begin = near * (1 - _CLOSED) - _LEAST
+    return Ray(o, d, mi.Float(begin), mi.Float(far * (1 + _CLOSED)), mi.Vector3f(begin * d), mi.UInt32(NOTHING))
+
+
+def any_ray(ray: mi.Ray3f, origin: Any) -> Ray:
+    """Make ours of a ray of Mitsuba's, relative to `origin`; its direction may have any length."""
+    length = dr.norm(ray.d)
+    return camera_ray(mi.Point3f(ray.o - origin), mi.Vector3f(ray.d * dr.rcp(length)), 0, ray.maxt * length)
 
 
 def _opaque(kind: Any, values: Any) -> Any:

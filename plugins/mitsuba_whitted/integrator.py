@@ -10,7 +10,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_whitted import film
-from mitsuba_whitted.camera import Camera, Rays
+from mitsuba_whitted.camera import Camera, any_ray
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.explain import PixelSeen, explain
 from mitsuba_whitted.materials import constant
@@ -170,10 +170,7 @@ def define() -> type[mi.SamplingIntegrator]:
             a single thread, since Mitsuba takes a second call of the same object for a call of its base class.
             """
             stage, plan = self._prepare(scene, edits=bool(dr.is_jit_v(mi.Float)))
-            length = dr.norm(ray.d)
-            d = ray.d * dr.rcp(length)
-            o = mi.Point3f(ray.o - stage.surfaces.origin)
-            traced = trace(stage, plan, Rays(o, d, mi.Vector3f(0), ray.maxt * length), active)
+            traced = trace(stage, plan, any_ray(ray, stage.surfaces.origin), active)
             return traced.colour, traced.hit, []
 
         def plan(self, scene: mi.Scene) -> Plan:

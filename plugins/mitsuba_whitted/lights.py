@@ -41,7 +41,9 @@ class Lights:
         self.kind = kind
         self.ids = ids
         self.count = len(rows)
-        self._rows = column(rows)
+        self.where = [np.array(row[:3]) for row in rows]
+        """Position of each, or the unit vector towards it if it is directional."""
+        self._rows = column(np.reshape(rows, (-1, 3)))
         self._width = len(rows[0]) // 3
         self._colours = column(radiant)
         self._opaque_count = opaque(mi.UInt32(self.count))

@@ -17,7 +17,9 @@ def _part(words: str, without: str) -> Any:
 class Plan:
     """The structure of a scene: scenes of one plan share one kernel, whatever their values. Printing it explains it."""
 
-    shapes: tuple[str, ...] = _part("refined hits on {}", "there is no shape")
+    shapes: tuple[str, ...] = _part("exact hits on {}", "there is no shape")
+    few: tuple[str, ...] = _part("one by one, without a search: {}", "too many shapes, or of other kinds")
+    searched: bool = _part("Embree's search", "there is nothing that the kernel does not try one by one")
     smooth_normals: bool = _part("interpolated vertex normals", "no mesh has vertex normals")
     instances: bool = _part("instances", "there is none")
     textured: bool = _part("texture coordinates and textures", "every coefficient is constant on its surface")
@@ -28,7 +30,8 @@ class Plan:
     diffuse: bool = _part("diffuse term", "no light, or no surface with k_d")
     specular: bool = _part("highlight and its power", "no light, or no surface with k_s")
     lights: tuple[str, ...] = _part("light from {}", "no light, or nothing that it could light")
-    shadows: bool = _part("shadow rays", "no light, or switched off")
+    shadows: bool = _part("shadow rays", "no light, nothing that could block it, or switched off")
+    casting: tuple[str, ...] = _part("of those tried one by one, shadows of {}", "none of them could block a light")
     inverse_square: bool = _part("falloff with the squared distance", "no point or spot light, or switched off")
     mirrors: bool = _part("the loop over mirror bounces", "no surface with k_m, or switched off")
     epsilon: bool = _part("the textbook's epsilon", "rays start where rounding demands")
@@ -53,9 +56,13 @@ def plan_of(stage: Stage) -> Plan:
     diffuse = settings.enable_diffuse and materials.k_d.present
     specular = settings.enable_specular and materials.k_s.present
     lights = tuple(lights.described() for lights in stage.lights) if diffuse or specular else ()
+    casters = surfaces.few.casters
+    shadows = bool(lights) and settings.enable_shadows and (surfaces.searched or bool(casters))
     coefficients = [materials.k_d, materials.k_s, materials.k_m, materials.k_a, materials.exponent]
     return Plan(
         shapes=tuple(kind.name.lower() for kind in sorted(surfaces.kinds)),
+        few=surfaces.few.described(set(surfaces.few.numbers)),
+        searched=surfaces.searched,
         smooth_normals=surfaces.meshes.smooth,
         instances=surfaces.instances is not None,
         textured=any(k.textures for k in [*coefficients, stage.emission]),
@@ -66,7 +73,8 @@ def plan_of(stage: Stage) -> Plan:
         diffuse=bool(lights) and diffuse,
         specular=bool(lights) and specular,
         lights=lights,
-        shadows=bool(lights) and settings.enable_shadows,
+        shadows=shadows,
+        casting=surfaces.few.described(casters) if shadows else (),
         inverse_square=settings.falloff == "inverse_square" and any("directional" not in kind for kind in lights),
         mirrors=settings.enable_mirrors and materials.k_m.present,
         epsilon=settings.epsilon is not None,
