@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import drjit as dr
@@ -13,106 +13,9 @@ import numpy as np
 from mitsuba_whitted import film, precise
 from mitsuba_whitted.plan import Plan
 from mitsuba_whitted.ray import Found, Ray
+from mitsuba_whitted.seen import LightSeen, Numbers, PixelSeen, RaySeen, SampleSeen
 from mitsuba_whitted.stage import Stage
 from mitsuba_whitted.trace import trace
-
-Numbers = tuple[float, ...]
-"""A vector (x, y, z), or a colour with as many channels as the variant has; each is a float32."""
-
-
-@dataclass(frozen=True)
-class LightSeen:
-    """One light as seen from one hit point.
-
-    Attributes
-    ----------
-    id : of the emitter
-    l, distance : unit vector towards the light; world units, infinite for a directional light
-    irradiance : I, the light that arrives where nothing blocks it
-    h : unit half vector (v + l) / |v + l|
-    n_l, n_g_l, n_h : the cosines n.l, n_g.l and n.h
-    above : whether the light is above the horizon and the surface reflects it at all
-    visible : whether it adds its colour: it is above, and not blocked
-    blocked_by : id of the shape that blocks it, the one next to the surface; None if none was found
-    diffuse, specular : k_d I (n.l) and k_s I (n.h)^p, if it were visible
-    colour : what is added: the sum of the two, or 0
-    """
-
-    id: str
-    l: Numbers  # noqa: E741  # the textbook's letter
-    distance: float
-    irradiance: Numbers
-    h: Numbers
-    n_l: float
-    n_g_l: float
-    n_h: float
-    above: bool
-    visible: bool
-    blocked_by: str | None
-    diffuse: Numbers
-    specular: Numbers
-    colour: Numbers
-
-
-@dataclass
-class RaySeen:
-    """One ray, what it meets, and what that adds; what the kernel leaves out keeps its default.
-
-    Attributes
-    ----------
-    k : number of mirrors before
-    o, d : origin, world units, and unit direction
-    throughput : product of k_m over the mirrors before
-    shape : id of the shape that is met, after that of an instance and a slash where there is one; None for none
-    t, p : distance and hit point, world units
-    n, n_g : unit shading and geometric normal, turned if the back of a two-sided surface is met
-    facing : whether that side may be seen at all
-    lit : whether it is, and the depth allows its light to be followed
-    emitted, ambient : emission or background; k_a I_a
-    k_d, k_s, exponent, k_m : coefficients at the point
-    lights : one entry a light, in the kernel's order
-    colour : what this ray adds, before the mirror and without the throughput
-    r : direction of the mirror ray
-    goes_on : whether the mirror ray is followed
-    """
-
-    k: int
-    o: Numbers
-    d: Numbers
-    throughput: Numbers
-    shape: str | None = None
-    t: float = float("inf")
-    p: Numbers = ()
-    n: Numbers = ()
-    n_g: Numbers = ()
-    facing: bool = False
-    lit: bool = False
-    emitted: Numbers = ()
-    ambient: Numbers = ()
-    k_d: Numbers = ()
-    k_s: Numbers = ()
-    exponent: float = 0.0
-    lights: list[LightSeen] = field(default_factory=list)
-    colour: Numbers = ()
-    k_m: Numbers = ()
-    r: Numbers = ()
-    goes_on: bool = False
-
-
-@dataclass(frozen=True)
-class SampleSeen:
-    """One sample of a pixel: its rays from the camera on, and its colour."""
-
-    rays: list[RaySeen]
-    colour: Numbers
-
-
-@dataclass(frozen=True)
-class PixelSeen:
-    """All samples of a pixel, row by row, and their mean: with a box filter, the pixel of the picture."""
-
-    samples: list[SampleSeen]
-    colour: Numbers
 
 
 def explain(stage: Stage, plan: Plan, camera: Callable[[Any, Any], Ray], x: int, y: int, n: int = 1) -> PixelSeen:
@@ -130,13 +33,21 @@ def _sample(stage: Stage, plan: Plan, ray: Ray) -> SampleSeen:
     heard: list[tuple[str, dict[str, Any]]] = []
 
     def note(what: str, **values: Any) -> None:
-        heard.append((what, values))
+        heard.append((what, dr.copy(values)))  # some are added to later, in place
 
-    with dr.suspend_grad(), dr.scoped_set_flag(dr.JitFlag.SymbolicLoops, False):  # type: ignore[no-untyped-call]
+    with dr.suspend_grad(), _read_as_it_runs():  # type: ignore[no-untyped-call]
         traced = trace(stage, plan, ray, mi.Bool(True), note)
         names = [name for lights in stage.lights for name in lights.ids]
         dr.eval(traced, [values for _, values in heard])
         return SampleSeen(_Reader(stage, names).read(heard), _numbers(traced.colour))
+
+
+@contextmanager
+def _read_as_it_runs() -> Iterator[None]:
+    """Let loops and branches run in Python, instead of being recorded."""
+    symbolic = dr.JitFlag.SymbolicLoops | dr.JitFlag.SymbolicConditionals
+    with dr.scoped_set_flag(symbolic, False):
+        yield
 
 
 class _Reader:

@@ -106,7 +106,7 @@ def draw(folder: Path, text: str = SCENE, hill: str = HILL) -> np.ndarray:
 def forget() -> None:
     """Drop tracers that were made without, or with, a fault."""
     bounds._tools.cache_clear()
-    verdict._alternatives.cache_clear()
+    verdict._witnesses.cache_clear()
 
 
 class Truth:

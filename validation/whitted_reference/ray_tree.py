@@ -14,12 +14,12 @@ from typing import NamedTuple
 from whitted_reference import scene
 from whitted_reference.arithmetic import FLOAT
 from whitted_reference.lights import Light
-from whitted_reference.margins import margin
+from whitted_reference.margins import passing
 from whitted_reference.materials import Material, Terms
 from whitted_reference.shapes import Primitive
 from whitted_reference.textures import beyond_nearest_edge
-from whitted_reference.trace import Tracer
-from whitted_reference.vectors import BLACK, WHITE, Colour, Vec
+from whitted_reference.trace import LEAST_SHARE, Tracer
+from whitted_reference.vectors import BLACK, WHITE, Colour, Vec, negated
 
 
 class Key(NamedTuple):
@@ -29,16 +29,18 @@ class Key(NamedTuple):
     ----------
     k : the bounce at which it is taken
     what : `seen` (the ray meets the primitive), `nearer` (it meets it before the others), `blocks` (the
-        shadow ray meets it), `facing`, `horizon` or `mirror` (signs of cosines), `texture` (which side of a
-        jump of colour)
+        shadow ray meets it), `side` (it is seen from behind), `facing`, `horizon` or `mirror` (signs of
+        cosines), `texture` (which side of a jump of colour), `end` (the mirror passes on too little)
     light : id of the light, or empty
     primitive : its index in the scene, or -1
+    wall : 0 for the outline of the primitive, 1 or 2 for the first or second place where the line meets it
     """
 
     k: int
     what: str
     light: str
     primitive: int
+    wall: int = 0
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,8 @@ class Decision:
     kind : for people: `silhouette`, `triangle edge`, `tie`, `horizon`...
     shape : id of the shape that decides, or empty
     margin : distance in world units by which a ray passes an outline or meets one thing before another,
-        or the cosine that is compared with 0, or the distance in uv to a jump of a texture
+        or the cosine that is compared with 0, or the distance in uv to a jump of a texture, or the share of
+        the mirror above the least one, relative to that
     """
 
     key: Key
@@ -91,7 +94,7 @@ class RayNode:
     n_g: Vec | None = None
     uv: tuple[float, float] | None = None
     front: bool = True
-    forced: bool = False  # met only because its decision was turned round
+    forced: float = 0.0  # distance by which the ray misses what it is made to meet by a turned decision
     n_v: float = 0.0
     n_g_v: float = 0.0
     terms: Terms | None = None
@@ -183,7 +186,7 @@ class Recorder(Tracer):
             if self.decide(key, "tie", primitive.surface.id, False, gap):
                 chosen = other
         t, primitive = met[chosen]
-        node.forced = Key(node.k, "seen", "", primitive.index) in self.flips
+        node.forced = self._missed_by(Key(node.k, "seen", "", primitive.index))
         self.describe(node, primitive, t, e, d)
         return primitive, t
 
@@ -204,22 +207,41 @@ class Recorder(Tracer):
         node.distance = distance
         return blocking[0] if blocking else None
 
+    def behind(self, n_v: float) -> bool:
+        """Do as the tracer, and turn the normals."""
+        node = self.node
+        key = Key(node.k, "side", "", node.primitive)
+        if self.decide(key, "n.v = 0", node.shape or "", super().behind(n_v), n_v):
+            assert node.n is not None
+            assert node.n_g is not None
+            node.front, node.n, node.n_g = False, negated(node.n), negated(node.n_g)
+        return not node.front
+
     def positive(self, kind: str, x: float, y: float, light: Light | None = None) -> bool:
         """Do as the tracer, and write the smaller cosine down."""
         node = self.node
         key = Key(node.k, kind, light.id if light else "", node.primitive)
-        # A silhouette that the ray is made to meet is seen from the front and at a grazing angle.
-        answer = super().positive(kind, x, y, light) or (node.forced and light is None)
-        answer = self.decide(key, f"{kind} n.l = 0" if light else kind, node.shape or "", answer, min(x, y))
         if kind == "facing":
             node.n_v, node.n_g_v = x, y
-            self._take_side(node)
+            if self.primitives[node.primitive].surface.back is None:
+                node.front = x >= 0
+            elif key._replace(what="side") in self.flips:  # who sees the other side sees n turned to it
+                x, y = abs(x), abs(y) if x == y else y
+        answer = super().positive(kind, x, y, light)
+        answer = self.decide(key, f"{kind} n.l = 0" if light else kind, node.shape or "", answer, min(x, y))
         if light is not None:
             assert node.p is not None
             arrival = light.arrive(*node.p)
             direction = arrival[:3] if arrival else (0.0, 0.0, 0.0)
             node.lights.append(LightNode(light.id, direction, x, y, answer))
         return answer
+
+    def exhausted(self, share: Colour) -> bool:
+        """Do as the tracer, and write down how far above the least share the greatest channel is."""
+        node = self.node
+        by = max(share) / LEAST_SHARE - 1.0
+        key = Key(node.k, "end", "", node.primitive)
+        return self.decide(key, "least share of a mirror", node.shape or "", super().exhausted(share), by)
 
     def textured(self, side: Material, uv: tuple[float, float]) -> Terms:
         """Do as the tracer, or beyond the nearest jump of a texture's colour."""
@@ -250,36 +272,48 @@ class Recorder(Tracer):
     def meetings(
         self, what: str, light: str, e: Vec, d: Vec, start: float, end: float, leaving: Primitive | None
     ) -> list[tuple[float, Primitive]]:
-        """Return all primitives that the ray meets in (start, end], after flips, with their t."""
-        node = self.node
+        """Return all primitives that the ray meets in (start, end], after flips, with their first t."""
         met = []
         for primitive in self.primitives:
-            ask = primitive.again if primitive is leaving else primitive.hit
-            t = ask(*e, *d, start, end)
-            if primitive is not leaving:
-                t = self._decide_meeting(Key(node.k, what, light, primitive.index), primitive, e, d, t, start, end)
+            key = Key(self.node.k, what, light, primitive.index)
+            t = self._first_meeting(key, primitive, e, d, start, end, primitive is leaving)
             if t is not None:
                 met.append((t, primitive))
         return met
 
-    def _decide_meeting(
-        self, key: Key, primitive: Primitive, e: Vec, d: Vec, t: float | None, start: float, end: float
+    def _first_meeting(
+        self, key: Key, primitive: Primitive, e: Vec, d: Vec, start: float, end: float, leaving: bool
     ) -> float | None:
-        """Write down how nearly the ray meets a primitive; return t after flips."""
-        near = margin(primitive, e, d)
-        if near is None:
-            return t
-        kind, by, other_t = near.kind, near.distance, near.t
-        # A ray that would meet it beyond its own ends misses by that much.
-        for gap, name in ((other_t - start, "contact"), (end - other_t, "end of the ray")):
-            if abs(gap) < abs(by):
-                kind, by = name, math.copysign(gap, 1.0 if t is not None else -1.0)
-        if abs(by) > self.reach or (t is None and not start - self.reach < other_t < end + self.reach):
-            return t
-        yes = self.decide(key, kind, primitive.surface.id, t is not None, by)
-        if not yes:
-            return None
-        return t if t is not None else min(max(other_t, 0.0), end)
+        """Write down how nearly the ray meets a primitive, by its outline and at each place; return the first t."""
+        near = passing(primitive, e, d)
+        if near is None or (near.distance < -self.reach and not leaving):
+            return (primitive.again if leaving else primitive.hit)(*e, *d, start, end)
+        # A ray that leaves the primitive does so at one of the places, and has no outline to pass.
+        left = min(near.places, key=lambda place: abs(place.t)) if leaving else None
+        close = leaving or abs(near.distance) <= self.reach
+        shape, inside = primitive.surface.id, math.copysign(1.0, near.distance) > 0.0
+        found, doubtful = [], False
+        for wall, place in enumerate(near.places, 1):
+            if place is left:
+                continue
+            yes = math.copysign(1.0, place.distance) > 0.0 and start < place.t <= end
+            by, kind = min(
+                (place.distance, place.kind), (place.t - start, "contact"), (end - place.t, "end of the ray")
+            )
+            if abs(by) <= self.reach:
+                doubtful = True
+                yes = self.decide(key._replace(wall=wall), kind, shape, yes, by)
+            if yes:
+                found.append(min(max(place.t, 0.0), end))
+        if close and not leaving and (found or doubtful):
+            inside = self.decide(key, near.kind, shape, inside, near.distance)
+        return found[0] if found and (inside or leaving) else None
+
+    def _missed_by(self, key: Key) -> float:
+        """Return how far outside the ray passes what turned decisions make it meet."""
+        turned = (key._replace(wall=wall) for wall in range(3))
+        decisions = [self._decisions[each] for each in turned if each in self.flips and each in self._decisions]
+        return max((abs(decision.margin) for decision in decisions if not decision.answer), default=0.0)
 
     def describe(self, node: RayNode, primitive: Primitive, t: float, e: Vec, d: Vec) -> None:
         """Write down what stands where the ray meets a primitive."""
@@ -289,12 +323,3 @@ class Recorder(Tracer):
         surface = primitive.surface
         if surface.front.constant is None or (surface.back is not None and surface.back.constant is None):
             node.uv = primitive.uv(e, d, t, p)
-
-    def _take_side(self, node: RayNode) -> None:
-        """Turn the normals as the tracer did, for a two-sided surface seen from behind."""
-        n, n_g = node.n, node.n_g
-        assert n is not None
-        assert n_g is not None
-        node.front = -(n[0] * node.d[0] + n[1] * node.d[1] + n[2] * node.d[2]) >= 0
-        if not node.front and self.primitives[node.primitive].surface.back is not None:
-            node.n, node.n_g = (-n[0], -n[1], -n[2]), (-n_g[0], -n_g[1], -n_g[2])

@@ -368,19 +368,11 @@ class Cylinder(Primitive):
             [tuple(columns[3][i] + h * columns[2][i] + s * reach[i] for i in range(3)) for h in (0, 1) for s in (-1, 1)]
         )
 
-    def hit(
-        self,
-        ex: Number,
-        ey: Number,
-        ez: Number,
-        dx: Number,
-        dy: Number,
-        dz: Number,
-        start: Number,
-        end: Number,
-    ) -> Number | None:
-        """Return the first of the two roots that lies in (start, end] and between the ends."""
-        x, y, z, wx, wy, wz, length, rr = self.data
+    def roots(
+        self, ex: Number, ey: Number, ez: Number, dx: Number, dy: Number, dz: Number
+    ) -> tuple[Number, Number] | None:
+        """Return both t at which the line meets the tube as if it had no ends, or None."""
+        x, y, z, wx, wy, wz, _, rr = self.data
         x = ex - x
         y = ey - y
         z = ez - z
@@ -397,8 +389,6 @@ class Cylinder(Primitive):
             return None
         b = x * dx + y * dy + z * dz
         c = x * x + y * y + z * z - rr
-        if b > 0 and c > 0:
-            return None
         s = b / a
         x -= s * dx
         y -= s * dy
@@ -408,15 +398,31 @@ class Cylinder(Primitive):
             return None
         root = self._sqrt(radicand)
         if b > 0:
-            near = (-b - root) / a
-            far = c / (-b - root)
-        else:
-            far = (root - b) / a
-            near = c / (root - b) if far > 0 else far
-        if start < near <= end and 0 <= height + near * climb <= length:
-            return near
-        if start < far <= end and 0 <= height + far * climb <= length:
-            return far
+            return (-b - root) / a, c / (-b - root)
+        far = (root - b) / a
+        return (c / (root - b) if far > 0 else far), far
+
+    def hit(
+        self,
+        ex: Number,
+        ey: Number,
+        ez: Number,
+        dx: Number,
+        dy: Number,
+        dz: Number,
+        start: Number,
+        end: Number,
+    ) -> Number | None:
+        """Return the first of the two roots that lies in (start, end] and between the ends."""
+        found = self.roots(ex, ey, ez, dx, dy, dz)
+        if found is None:
+            return None
+        x, y, z, wx, wy, wz, length, _ = self.data
+        height = (ex - x) * wx + (ey - y) * wy + (ez - z) * wz
+        climb = dx * wx + dy * wy + dz * wz
+        for t in found:
+            if start < t <= end and 0 <= height + t * climb <= length:
+                return t
         return None
 
     def again(

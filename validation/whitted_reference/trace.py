@@ -117,7 +117,7 @@ class Tracer:
         surface = primitive.surface
         side = surface.front
         n_v = -(n[0] * dx + n[1] * dy + n[2] * dz)
-        if n_v < 0 and surface.back is not None:
+        if surface.back is not None and self.behind(n_v):
             side = surface.back
             n, n_g, n_v = negated(n), negated(n_g), -n_v
         nx, ny, nz = n
@@ -162,7 +162,7 @@ class Tracer:
             if self.positive("mirror", n_v, gx * r[0] + gy * r[1] + gz * r[2]):
                 if self._unlimited:
                     share = (share[0] * k_m[0], share[1] * k_m[1], share[2] * k_m[2])
-                    if k + 1 > LAST_BOUNCE or all(x < self._least_share for x in share):
+                    if k + 1 > LAST_BOUNCE or self.exhausted(share):
                         return red, green, blue
                 away = primitive if self._exact else None
                 seen = self.raycolor(p, r, self.start, self._infinity, k + 1, away, share)
@@ -170,6 +170,11 @@ class Tracer:
                 green += k_m[1] * seen[1]
                 blue += k_m[2] * seen[2]
         return red, green, blue
+
+    def behind(self, n_v: Number) -> bool:
+        """Decide whether a two-sided surface is seen from behind."""
+        seen: bool = n_v < 0
+        return seen
 
     def positive(self, kind: str, x: Number, y: Number, light: lights.Light | None = None) -> bool:
         """Decide by two cosines, one with n and one with n_g, whether both sides are seen.
@@ -179,6 +184,10 @@ class Tracer:
         """
         both: bool = x > 0 and y > 0
         return both
+
+    def exhausted(self, share: Colour) -> bool:
+        """Decide whether what the mirrors pass on has become too little to follow."""
+        return all(x < self._least_share for x in share)
 
     def textured(self, side: Material, uv: tuple[Number, Number]) -> Terms:
         """Return the coefficients at surface coordinates (u, v)."""

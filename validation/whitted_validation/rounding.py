@@ -26,9 +26,10 @@ from whitted_reference.shapes import Surface
 from whitted_validation.forms import Matrix, length, radius
 from whitted_validation.patch import Patch
 from whitted_validation.roundoffs import (
+    ARC_TANGENT,
     CAMERA_DIRECTION,
     CAMERA_ORIGIN,
-    CONE_ANGLE,
+    CONE_PLACE,
     IRRADIANCE,
     OFFSET,
     POWER,
@@ -70,6 +71,7 @@ class Step:
     ray : the ray that arrives
     p : error form of the hit, or None where nothing is hit
     facing, mirror : largest errors of the cosines that are compared with 0
+    share : largest relative error of the product of all k_m, its own included
     offset : how far from its surface a ray that leaves the hit may start
     uv : largest errors of the surface coordinates
     """
@@ -78,6 +80,7 @@ class Step:
     p: Matrix | None = None
     facing: float = 0.0
     mirror: float = 0.0
+    share: float = 0.0
     offset: float = 0.0
     uv: tuple[float, float] = (0.0, 0.0)
     lights: dict[str, Arrival] = field(default_factory=dict)
@@ -142,7 +145,6 @@ class Rounding:
         node: RayNode | None = tree.root
         assert node is not None
         ray = self._camera_ray(node)
-        off = {d.key.primitive: abs(d.margin) for d in tree.decisions if d.key.what == "seen"}
         steps: list[Step] = []
         total = np.zeros(3)
         share, share_error = np.ones(3), np.zeros(3)
@@ -152,17 +154,19 @@ class Rounding:
                 total += share_error * node.colour
                 steps.append(Step(ray))
                 break
-            step, own_error, terms, ray = self._step(node, ray, off.get(node.primitive, 0.0) if node.forced else 0.0)
+            step, own_error, terms, ray = self._step(node, ray)
             steps.append(step)
             below = np.array(node.mirror.colour, float) if node.mirror else np.zeros(3)
             k_m, k_m_error = np.zeros(3), np.zeros(3)
-            if node.mirror is not None and terms is not None and terms.mirror is not None:
+            if terms is not None and terms.mirror is not None:
                 k_m = np.array(terms.mirror, float)
                 k_m_error = U * k_m + self._texture(node, "mirror", step.uv)
             own = np.abs(np.array(node.colour, float) - k_m * below)
             total += share * own_error + share_error * (own + own_error)
             share_error = share_error * (k_m + k_m_error) + share * (k_m_error + U * k_m)
             share = share * k_m
+            if share.any():
+                step.share = float(share_error.max() / share.max())
             sums += 3 + len(node.lights)
             if ray is None or not np.isfinite(total).all():
                 break
@@ -187,7 +191,7 @@ class Rounding:
         origin = CAMERA_ORIGIN * np.diag(np.abs(self._eye) + np.abs(e - self._eye))
         return Ray(np.hstack([origin, 0 * _EYE]), np.hstack([0 * _EYE, U * _EYE]), 0.0)
 
-    def _step(self, node: RayNode, ray: Ray, off: float) -> tuple[Step, NDArray[np.float64], Terms | None, Any]:
+    def _step(self, node: RayNode, ray: Ray) -> tuple[Step, NDArray[np.float64], Terms | None, Any]:
         """Follow one ray to its hit and shade it: errors there, error of the own colour, and the next ray."""
         primitive = self._primitives[node.primitive]
         d = np.array(node.d, float)
@@ -195,7 +199,7 @@ class Rounding:
         patch = Patch(primitive, node)
         if isinstance(primitive, Placed):
             ray = _through_matrix(primitive, node, ray)
-        hit = self._hit(node, ray, patch, n_g, off)
+        hit = self._hit(node, ray, patch, n_g)
         offset = OFFSET * float(np.abs(n_g) @ patch.reach)
         step = Step(ray, hit, offset=offset)
         if not np.isfinite(hit).all():
@@ -206,9 +210,6 @@ class Rounding:
         slope = float(radius(n @ arriving + d @ normal)) + 3 * U
         flat_slope = float(radius(n_g @ arriving)) + 4 * U + (0.0 if patch.flat else length(normal))
         step.facing = max(slope, flat_slope)
-        black = not any(node.colour) and node.mirror is None and not node.lights
-        if black:
-            return step, np.zeros(3), None, None
         side = side_of(self._surface(node), node)
         uv = (0.0, 0.0)
         terms = side.constant
@@ -216,6 +217,8 @@ class Rounding:
             assert node.uv is not None
             uv = step.uv = patch.uv_error(hit)
             terms = node.terms or side.at(*node.uv)
+        if not any(node.colour) and node.mirror is None and not node.lights:  # black
+            return step, np.zeros(3), terms, None
         error = self._shade(node, step, terms, hit, normal, arriving, uv)
         # The reflected ray: r = d - 2 (d.n) n.
         cosine = float(d @ n)
@@ -227,7 +230,7 @@ class Rounding:
         step.mirror = max(slope, float(radius(r_n_g)) + 4 * U + (0.0 if patch.flat else length(normal)))
         return step, error, terms, Ray(e, r, offset)
 
-    def _hit(self, node: RayNode, ray: Ray, patch: Patch, n_g: Matrix, off: float) -> Matrix:
+    def _hit(self, node: RayNode, ray: Ray, patch: Patch, n_g: Matrix) -> Matrix:
         """Return the error form of the hit point."""
         d = np.array(node.d, float)
         moved = ray.e + node.t * ray.d
@@ -235,7 +238,8 @@ class Rounding:
         cosine = float(d @ n_g)
         c = abs(cosine) - float(radius(n_g @ ray.d)) * (patch.curvature == 0.0)
         own = patch.distance_roundings(node.t)
-        distance = float(radius(away)) + own + off
+        # What a turned decision makes it meet, the ray misses by `forced`, at the place taken by up to twice that.
+        distance = float(radius(away)) + own + 2.0 * node.forced
         along = d - cosine * n_g
         if patch.curvature == 0.0:
             if c <= 0.0:
@@ -279,7 +283,7 @@ class Rounding:
         for light in node.lights:
             source = self._lights[light.id]
             l = np.array(light.l, float)  # noqa: E741
-            to_light, relative, distance = self._arrival(source, node, hit, l)
+            to_light, relative, distance = self._arrival(source, node, light, hit, l)
             tilt = float(radius(n @ to_light + l @ normal)) + 4 * U
             flat_tilt = float(radius(n_g @ to_light)) + 4 * U + (0.0 if n_g is n else length(normal))
             step.lights[light.id] = Arrival(to_light, max(tilt, flat_tilt), distance)
@@ -293,11 +297,13 @@ class Rounding:
             error = error + irradiance * part * (1 + relative) + (relative + TERM) * np.abs(np.array(light.colour))
         return np.asarray(error, float)
 
-    def _arrival(self, source: Light, node: RayNode, hit: Matrix, l: Matrix) -> tuple[Matrix, float, float]:  # noqa: E741
+    def _arrival(
+        self, source: Light, node: RayNode, light: LightNode, hit: Matrix, l: Matrix  # noqa: E741
+    ) -> tuple[Matrix, float, float]:
         """Return the error form of l, the relative error of the irradiance, and that of the distance."""
         if not isinstance(source, Point):
             return np.hstack([np.zeros(hit.shape)]), U, 0.0
-        found = source.arrive(*node.p)  # type: ignore[misc]
+        found = Point.arrive(source, *node.p)  # type: ignore[misc]  # whatever its cone says of the place
         if found is None or not found[3] > 0.0:
             return np.zeros(hit.shape), 0.0, length(hit)
         distance = float(found[3])
@@ -307,10 +313,12 @@ class Rounding:
         relative = IRRADIANCE
         if source.falloff:
             relative += 2.0 * reach / max(distance - reach, 1e-300)
-        if isinstance(source, Spot) and source.cutoff > source.beam:
+        share = max(light.irradiance) / max(max(found[4]), 1e-300)
+        if isinstance(source, Spot) and source.cutoff > source.beam and share > 0.0:
             theta = source.angle(*l)
-            if theta > source.beam:
-                relative += self.cone_error(source, hit, l, distance) / max(source.cutoff - theta, 1e-300)
+            off = self.cone_error(source, hit, l, distance)
+            if theta + off > source.beam:
+                relative += off / ((source.cutoff - source.beam) * share)
         return form, relative, reach + 4 * U * distance
 
     def cone_error(self, source: Spot, hit: Matrix, l: Matrix, distance: float) -> float:  # noqa: E741
@@ -319,7 +327,8 @@ class Rounding:
         stretch = float(np.linalg.norm(local, 2))
         least = float(np.linalg.norm(local @ l))
         off = (np.outer(l, l @ hit) - hit) / distance
-        return stretch * (length(off) + CONE_ANGLE) / least
+        theta = float(source.angle(*l))
+        return stretch * (length(off) + CONE_PLACE) / least + ARC_TANGENT * theta + U * float(source.cutoff)
 
     def _highlight(
         self,

@@ -36,8 +36,10 @@ WEIGHTS = 13 * U
 TO_LIGHT = 4 * U
 # 1 / distance^2: the squared length twice, a reciprocal and a product; times intensity and a term.
 IRRADIANCE = 10 * U
-# The angle in a spot light's cone: three dot products with rounded rows (4), root 3, arc tangent 4.
-CONE_ANGLE = 11 * U
+# The place in a spot light's cone: three dot products with rounded rows (4), root 3; relative to |M^-1|.
+CONE_PLACE = 7 * U
+# An arc tangent, relative to the angle.
+ARC_TANGENT = 4 * U
 # k_d (n.l) + k_s f times I: two products and a sum each, and k itself rounded.
 TERM = 5 * U
 # exp2(p log2(1 - y)): the chord carries its own roundings (see below), exp2 and log2 two each.
@@ -46,3 +48,8 @@ POWER = 4 * U
 COORDINATE = 13 * U
 # Offset of a ray's start from its surface, in units of the surface's distance from the origin along n.
 OFFSET = 8 * U
+# A test of an edge from the origin of the ray (difference of the ends 1, their sum 1, cross product 3, dot
+# product 3), divided by the edge; the sum of the ends is up to twice as far as the edge.
+EDGE_TEST = 16 * U
+# The radicand of a plain quadratic, in squared distances: coefficients 3 each, product 1, difference 1.
+QUADRATIC_TEST = 8 * U

@@ -68,7 +68,7 @@ class Pair {
   /** B as the double that is nearest to what is known of it. */
   exact(i, c) {
     const b = this.b[c][i];
-    return this.tail[c] ? b + (this.tail[c][i] / 16) * spacing(b) : b;
+    return this.tail[c] ? b + (this.tail[c][i] / 8) * spacing(b) : b;
   }
 
   /** |A - B| of one channel; equal infinities do not differ. */

@@ -22,7 +22,7 @@ def of_everything(scenes: Sequence[Mapping[str, Any]], refused: int, complete: b
     totals = {name: sum(s["pixels"][name] for s in scenes) for name in ("equal", "explained", "unexplained")}
     pixels = sum(totals.values())
     where = _many(len(scenes), "scene")
-    said = f"{_agreeing(totals['equal'], pixels)} in {where}" if scenes else "No scene was judged"
+    said = f"{_agreeing(totals['equal'], pixels)} in {where}" if scenes else "No scene is judged yet"
     if totals["explained"]:
         said += f"; {totals['explained']:,} differ where rounding may turn a decision"
     if totals["unexplained"]:
@@ -42,7 +42,7 @@ def of_scene(scene: Mapping[str, Any], differences: Sequence[Difference]) -> str
     if explained:
         places = Counter(place(d.reasons[0]) for d in explained).most_common()
         if len(places) == 1:
-            share = "" if len(explained) == 1 else "all "
+            share = {1: "", 2: "both "}.get(len(explained), "all ")
             said += f"; {_differ(len(explained))}, {share}{places[0][0]}"
         else:
             named = [f"{count:,} {where}" for where, count in places[:MOST_PLACES]]
@@ -76,8 +76,10 @@ def place(reason: str) -> str:
     return f"on {'an' if kind[0] in 'aeiou' else 'a'} {kind} of `{shape}`{mirrored}"
 
 
-def why(difference: Difference) -> str:
-    """Answer a student's question: why the two differ here."""
+def why(difference: Difference, finite: bool = True) -> str:
+    """Answer a student's question: why the two differ here; `finite` tells whether A is made of numbers."""
+    if not finite:
+        return "Unexplained. A is infinite or no number here; the reference is finite."
     if difference.status == Status.UNEXPLAINED:
         tried = difference.alternatives - 1
         looked = (
@@ -100,12 +102,8 @@ def why(difference: Difference) -> str:
 def _agreeing(equal: int, pixels: int) -> str:
     if equal == pixels:
         return f"All {pixels:,} pixels agree within their bound"
-    # Rounded down, to as many digits as keep it below 100 %.
-    digits = 2
-    while digits < 6 and int(equal * 10 ** (digits + 2) / pixels) == 10 ** (digits + 2):
-        digits += 1
-    share = equal * 10 ** (digits + 2) // pixels / 10**digits
-    return f"{share:.{digits}f} % of {pixels:,} pixels agree within their bound"
+    share = equal * 10_000 // pixels / 100  # rounded down: 100 % is said of all alone
+    return f"{share:.2f} % of {pixels:,} pixels agree within their bound"
 
 
 def _differ(count: int) -> str:
