@@ -58,14 +58,17 @@ class Accel:
         self._scene = _scene([*(group for _, group, _ in ellipsoids), *contents, *(it for *_, it in ellipsoids)])
         self._ellipsoids = _ByObject([it for *_, it in ellipsoids], [who for who, *_ in ellipsoids])
 
-    def first(self, ray: Ray, found: Found, active: Any) -> Found:
-        """Ask Embree which primitive the ray meets first, and go on with it if it is nearer than `found`."""
+    def first(self, ray: Ray, found: Found, active: Any, inside: bool) -> Found:
+        """Ask Embree which primitive the ray meets first, and go on with it if it is nearer than `found`.
+
+        Where a ray may begin makes no difference to it.
+        """
         shifted, lead = ray._replace(end=found.t).from_shifted()
         pi = self._scene.ray_intersect_preliminary(shifted, coherent=True, active=active)
         nearer = active & pi.is_valid()
         return found.or_nearer(nearer, pi.t + lead, *self._met(pi, nearer))
 
-    def blocked(self, ray: Ray, active: Any) -> Any:
+    def blocked(self, ray: Ray, active: Any, inside: bool) -> Any:
         """Ask Embree whether there is anything on the ray.
 
         Mitsuba's ``ray_test`` solves the plain quadratic for spheres and misses up to 40 % of small far ones;

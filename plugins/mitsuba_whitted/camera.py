@@ -13,6 +13,7 @@ from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.precise import UNIT_ROUNDOFF
 from mitsuba_whitted.ray import NOTHING, Ray
 from mitsuba_whitted.scene_graph import Node, Stamp, number, read, recorder
+from mitsuba_whitted.shapes import Row
 from mitsuba_whitted.tables import opaque
 from mitsuba_whitted.transforms import matrix_of
 
@@ -65,6 +66,14 @@ class Camera:
         same = sensor is self._sensor and bool((centre == self._centre).all())
         return same and self._stamp.is_current() and self._window == self._film_window()
 
+    def is_outside(self, balls: list[Row]) -> bool:
+        """Whether every ray begins to see outside of all these balls, as far as the camera is known."""
+        if not self.known or not balls:
+            return self.known
+        off = np.array([ball.a for ball in balls]) - self._eye
+        distances = np.linalg.norm(off, axis=1) if self.kind == "PerspectiveCamera" else off @ self._forward
+        return bool((distances - [ball.r for ball in balls] > self._blind).all())
+
     def rays(self, x: Any, y: Any) -> Ray:
         """Make the rays through `x`, `y`: Float, pixels from the upper left corner of the crop window."""
         if not self.known:
@@ -102,6 +111,9 @@ class Camera:
         middle_x = width * (0.5 - principal[0]) - crop_x
         middle_y = height * (0.5 - principal[1]) - crop_y
         forward = matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
+        corners = [centre + (x - middle_x) * per_x + (y - middle_y) * per_y for x in (0, width) for y in (0, height)]
+        longest = max(np.linalg.norm(corners, axis=1)) if self.kind == "PerspectiveCamera" else 1.0
+        self._eye, self._forward, self._blind = eye, forward, near * longest
         vectors = (centre, per_x, per_y, eye, forward, (middle_x, middle_y, near))
         return *(_opaque(mi.Vector3f, vector) for vector in vectors), _opaque(mi.Float, [far])
 

@@ -45,8 +45,8 @@ def _sample(stage: Stage, plan: Plan, ray: Ray) -> SampleSeen:
 @contextmanager
 def _read_as_it_runs() -> Iterator[None]:
     """Let loops and branches run in Python, instead of being recorded."""
-    symbolic = dr.JitFlag.SymbolicLoops | dr.JitFlag.SymbolicConditionals
-    with dr.scoped_set_flag(symbolic, False):
+    loops, branches = dr.JitFlag.SymbolicLoops, dr.JitFlag.SymbolicConditionals
+    with dr.scoped_set_flag(loops, False), dr.scoped_set_flag(branches, False):
         yield
 
 

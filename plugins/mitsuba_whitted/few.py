@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -11,7 +11,7 @@ import mitsuba as mi
 from mitsuba_whitted.precise import UNIT_ROUNDOFF
 from mitsuba_whitted.ray import Found, Ray
 from mitsuba_whitted.shapes import PLANES, Kind, Row
-from mitsuba_whitted.tables import column, fetch
+from mitsuba_whitted.tables import opaque
 
 MOST_ALONE = 8
 """So many spheres, rectangles and disks are tried one by one where a scene holds nothing else.
@@ -39,30 +39,51 @@ def few_of(rows: Sequence[Row], instanced: bool) -> list[int]:
     return flat if len(flat) <= MOST_FLAT and not instanced else []
 
 
+class _Numbers(NamedTuple):
+    """Place and size of a shape, as data of the kernel: see `shapes.Row`."""
+
+    a: Any
+    b: Any
+    x_axis: Any
+    y_axis: Any
+    r: Any
+
+
 class Few:
     """Spheres, rectangles and disks of a scene, each with its number in the scene's tables."""
 
     def __init__(self, rows: dict[int, Row]) -> None:
         self.numbers = list(rows)
         self._kinds = {number: row.kind for number, row in rows.items()}
-        self._place = {number: i for i, number in enumerate(rows)}
-        self._rows = column([*row.a, *row.b, *row.to_local[0], *row.to_local[1], row.r] for row in rows.values())
+        self._numbers = {
+            number: _Numbers(
+                *(opaque(mi.Vector3f(*v.tolist())) for v in (row.a, row.b, *row.to_local[:2])), opaque(mi.Float(row.r))
+            )
+            for number, row in rows.items()
+        }
         self.casters = set(rows)
         """Numbers of those that can block a light: see `casters`."""
 
-    def first(self, ray: Ray, found: Found, active: Any) -> Found:
-        """Try all of them, and go on with the nearest."""
+    def first(self, ray: Ray, found: Found, active: Any, inside: bool) -> Found:
+        """Try all of them, and go on with the nearest; `inside` says whether a ray may begin inside a ball."""
         for number in self.numbers:
-            meets, t = self._meet(number, ray, found.t)
-            found = found.or_nearer(active & meets, t, number)
+            meets, t = self._meet(number, ray, inside)
+            found = found.or_nearer(active & meets & (t < found.t), t, number)
         return found
 
-    def blocked(self, ray: Ray, active: Any) -> Any:
+    def blocked(self, ray: Ray, active: Any, inside: bool) -> Any:
         """Whether one of them lies on the ray."""
         blocked = mi.Bool(False)
         for number in self.numbers:
-            if number in self.casters:
-                blocked |= self._meet(number, ray, ray.end)[0]
+            if number not in self.casters:
+                continue
+            if self._kinds[number] == Kind.SPHERE and not inside:
+                # Both ends are outside: the middle of the chord lies between them just where all of it does.
+                b, half_chord_2 = self._chord(number, ray)
+                blocked |= (half_chord_2 >= 0) & (b > 0) & (b < ray.end) & (ray.own != number)
+            else:
+                meets, t = self._meet(number, ray, inside)
+                blocked |= meets & (t < ray.end)
         return active & blocked
 
     def described(self, numbers: set[int]) -> tuple[str, ...]:
@@ -70,15 +91,15 @@ class Few:
         kinds = [self._kinds[number] for number in self.numbers if number in numbers]
         return tuple(f"{kinds.count(kind)} {kind.name.lower()}" for kind in Kind if kind in kinds)
 
-    def _meet(self, number: int, ray: Ray, end: Any) -> tuple[Any, Any]:
-        """Whether the ray meets this shape before `end`, and the distance."""
-        meet = self._meet_sphere if self._kinds[number] == Kind.SPHERE else self._meet_flat
-        meets, t = meet(number, ray)
-        return meets & (t < end), t
+    def _meet(self, number: int, ray: Ray, inside: bool) -> tuple[Any, Any]:
+        """Whether the ray meets this shape after it begins, and the distance."""
+        if self._kinds[number] != Kind.SPHERE:
+            return self._meet_flat(number, ray)
+        return self._meet_sphere(number, ray) if inside else self._meet_sphere_from_outside(number, ray)
 
     def _meet_flat(self, number: int, ray: Ray) -> tuple[Any, Any]:
         """Meet a plane inside a rectangle or disk (Shirley et al. 2009, section 4.4.3)."""
-        a, n, x_axis, y_axis = (self._vector(number, i) for i in range(4))
+        a, n, x_axis, y_axis, _ = self._numbers[number]
         off = a - ray.o
         t = dr.dot(off, n) * dr.rcp(dr.dot(ray.d, n))
         on_plane = dr.fma(t, ray.d, -off)
@@ -90,23 +111,30 @@ class Few:
         return inside & (t > ray.begin) & (ray.own != number), t
 
     def _meet_sphere(self, number: int, ray: Ray) -> tuple[Any, Any]:
-        """Meet a sphere, by the foot of the perpendicular from its centre: see `precise.sphere_normal`.
+        """Meet a sphere.
 
         A ray that leaves the sphere itself has one root where it begins, which is dropped, and the other at 2 b.
         """
-        c, r = self._vector(number, 0), self._number(number, 12)
-        oc = ray.o - c
-        b = -dr.dot(oc, ray.d)
-        foot = dr.fma(b, ray.d, oc)
-        half_chord_2 = dr.fma(r, r, -dr.squared_norm(foot))
+        b, half_chord_2 = self._chord(number, ray)
         half_chord = dr.sqrt(dr.maximum(half_chord_2, 0))
         leaves = ray.own == number
         near = b - half_chord
         t = dr.select((near > ray.begin) & (leaves ^ True), near, b + half_chord)
         return (half_chord_2 >= 0) & dr.select(leaves, b > 0, t > ray.begin), t
 
-    def _vector(self, number: int, i: int) -> Any:
-        return mi.Vector3f(*(self._number(number, 3 * i + j) for j in range(3)))
+    def _meet_sphere_from_outside(self, number: int, ray: Ray) -> tuple[Any, Any]:
+        """Meet a sphere where every ray begins outside of it, or on it.
 
-    def _number(self, number: int, i: int) -> Any:
-        return fetch(mi.Float, self._rows, 13 * self._place[number] + i)
+        Its centre is then ahead. That is asked instead of the distance, which rounding makes negative where the
+        ray begins at a contact.
+        """
+        b, half_chord_2 = self._chord(number, ray)
+        return (half_chord_2 >= 0) & (b > 0) & (ray.own != number), b - dr.sqrt(dr.maximum(half_chord_2, 0))
+
+    def _chord(self, number: int, ray: Ray) -> tuple[Any, Any]:
+        """Distance to the middle of the chord, and half its length squared: see `precise.sphere_normal`."""
+        c, r = self._numbers[number].a, self._numbers[number].r
+        oc = ray.o - c
+        b = -dr.dot(oc, ray.d)
+        foot = dr.fma(b, ray.d, oc)
+        return b, dr.fma(r, r, -dr.squared_norm(foot))

@@ -30,6 +30,8 @@ class Sample(NamedTuple):
     """Light arriving at p."""
     distance: Any
     """From p to the light; infinite for a directional light."""
+    reaches: Any
+    """Whether any of its light comes here: p is in the cone, and not at the light itself."""
     end: Any
     """As far as a shadow ray may look without taking a surface at the light for one before it."""
 
@@ -73,23 +75,26 @@ class Lights:
 
         colour = fetch(mi.Spectrum, self._colours, i)
         if self.kind == "directional":
-            return Sample(vector(0), colour, mi.Float(dr.inf), mi.Float(dr.inf))
+            return Sample(vector(0), colour, mi.Float(dr.inf), mi.Bool(True), mi.Float(dr.inf))
 
         position = vector(0)
         to_light = position - mi.Vector3f(p)
         distance = dr.norm(to_light)
         away = distance > 0
         l = dr.select(away, to_light * dr.rcp(distance), 0)  # noqa: E741
+        reaches = away
         if self.kind == "spot":
             x, y, z = (-dr.dot(vector(j), l) for j in (1, 2, 3))
             theta = dr.atan2(dr.sqrt(x * x + y * y), z)
             cutoff, beam, slope = vector(4)
-            colour *= dr.select(theta <= beam, 1, dr.maximum(cutoff - theta, 0) * slope)
+            f = dr.select(theta <= beam, 1, dr.maximum(cutoff - theta, 0) * slope)
+            colour *= f
+            reaches &= f > 0
         if inverse_square:
             colour = dr.select(away, colour * dr.rcp(distance * distance), 0)
         # The light's own coordinates are exact; those of a surface at it are right to a few u of them.
         end = distance * precise.SHADOW_END - 4 * precise.UNIT_ROUNDOFF * dr.sum(dr.abs(position))
-        return Sample(l, colour, distance, end)
+        return Sample(l, colour, distance, reaches, end)
 
 
 def lights_of(graph: SceneGraph, centre: NDArray[np.float64]) -> list[Lights]:

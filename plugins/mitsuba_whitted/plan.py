@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+import numpy as np
+
+from mitsuba_whitted.camera import Camera
+from mitsuba_whitted.shapes import Kind
 from mitsuba_whitted.stage import Stage
 
 
@@ -20,6 +24,7 @@ class Plan:
     shapes: tuple[str, ...] = _part("exact hits on {}", "there is no shape")
     few: tuple[str, ...] = _part("one by one, without a search: {}", "too many shapes, or of other kinds")
     searched: bool = _part("Embree's search", "there is nothing that the kernel does not try one by one")
+    inside: bool = _part("rays that begin inside a ball", "camera and lights are outside of all balls")
     smooth_normals: bool = _part("interpolated vertex normals", "no mesh has vertex normals")
     instances: bool = _part("instances", "there is none")
     textured: bool = _part("texture coordinates and textures", "every coefficient is constant on its surface")
@@ -50,8 +55,8 @@ class Plan:
         return "\n".join(["in the kernel:", *(needed or ["  nothing"]), "left out:", *(left_out or ["  nothing"])])
 
 
-def plan_of(stage: Stage) -> Plan:
-    """Look at the tables of a scene and say what they need."""
+def plan_of(stage: Stage, camera: Camera | None = None) -> Plan:
+    """Look at the tables of a scene and say what they need, seen by this camera, or from anywhere."""
     settings, surfaces, materials = stage.settings, stage.surfaces, stage.materials
     diffuse = settings.enable_diffuse and materials.k_d.present
     specular = settings.enable_specular and materials.k_s.present
@@ -63,6 +68,7 @@ def plan_of(stage: Stage) -> Plan:
         shapes=tuple(kind.name.lower() for kind in sorted(surfaces.kinds)),
         few=surfaces.few.described(set(surfaces.few.numbers)),
         searched=surfaces.searched,
+        inside=_inside(stage, camera),
         smooth_normals=surfaces.meshes.smooth,
         instances=surfaces.instances is not None,
         textured=any(k.textures for k in [*coefficients, stage.emission]),
@@ -79,3 +85,19 @@ def plan_of(stage: Stage) -> Plan:
         mirrors=settings.enable_mirrors and materials.k_m.present,
         epsilon=settings.epsilon is not None,
     )
+
+
+def _inside(stage: Stage, camera: Camera | None) -> bool:
+    """Whether a ray may begin inside one of the balls that are tried one by one, or a light stand there.
+
+    Whoever looks from outside sees only points that are outside of all balls, or on them, and only their outward
+    sides: mirrors and shadow rays begin there. The textbook's epsilon moves a ray's begin, into a ball perhaps.
+    """
+    surfaces = stage.surfaces
+    balls = [row for row in (surfaces.rows[number] for number in surfaces.few.numbers) if row.kind == Kind.SPHERE]
+    if not balls:
+        return False
+    if camera is None or stage.settings.epsilon is not None or not camera.is_outside(balls):
+        return True
+    places = [place for lights in stage.lights if lights.kind != "directional" for place in lights.where]
+    return any(np.linalg.norm(place - ball.a) <= ball.r for place in places for ball in balls)

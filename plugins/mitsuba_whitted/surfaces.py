@@ -84,18 +84,18 @@ class Surfaces:
         lead = dr.select(enters > begin, enters - begin, 0)  # a ray inside a face of the box: NaN, no lead
         return ray._replace(shift=mi.Vector3f(dr.fma(lead, ray.d, ray.shift)))
 
-    def first_hit(self, ray: Ray, active: Any) -> Found:
-        """Find the primitive that the ray meets first."""
+    def first_hit(self, ray: Ray, active: Any, inside: bool = True) -> Found:
+        """Find the primitive that the ray meets first; `inside` says whether it may begin inside a ball."""
         found = Found.nothing(ray)
         for search in self._searches:
-            found = search.first(ray, found, active)
+            found = search.first(ray, found, active, inside)
         return found
 
-    def blocked(self, ray: Ray, active: Any) -> Any:
+    def blocked(self, ray: Ray, active: Any, inside: bool = True) -> Any:
         """Whether anything lies on the ray."""
         blocked = mi.Bool(False)
         for search in self._searches:
-            blocked |= search.blocked(ray, active & (blocked ^ True))
+            blocked |= search.blocked(ray, active & (blocked ^ True), inside)
         return blocked
 
     def hit(self, found: Found, ray: Ray, with_uv: bool) -> Hit:

@@ -113,7 +113,7 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
         note("sum", colour=colour)
         return chain._replace(colour=colour)
 
-    met = stage.surfaces.first_hit(ray, chain.active)
+    met = stage.surfaces.first_hit(ray, chain.active, plan.inside)
     found = chain.active & met.valid
     if plan.background:
         missed = sees_lamps & (found ^ True)
@@ -157,17 +157,22 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
         def contribution(light: Sample) -> tuple[Any, Any]:
             """k_d I (n.l) + k_s I (n.h)^p if the light is above the horizon and not in shadow; rays asked."""
             n_l = dr.dot(n, light.l)
-            facing = reflects & (n_l > 0) & (dr.dot(n_g, light.l) > 0)
-            f = k_d * n_l
-            if plan.specular:
-                h = dr.normalize(v + light.l)
-                f += k_s * precise.specular_power(n, h, exponent)
-            visible = facing
-            if plan.shadows:
-                shadow_ray = _shadow_ray(stage, plan, hit, n_g, light)
-                visible = facing & (stage.surfaces.blocked(shadow_ray, facing) ^ True)
-                note("shadow ray", ray=shadow_ray)
-            added = dr.select(visible, f * light.colour, 0)
+            facing = reflects & light.reaches & (n_l > 0) & (dr.dot(n_g, light.l) > 0)
+
+            def shine() -> tuple[Any, Any]:
+                f = k_d * n_l
+                if plan.specular:
+                    h = dr.normalize(v + light.l)
+                    f += k_s * precise.specular_power(n, h, exponent)
+                visible = facing
+                if plan.shadows:
+                    shadow_ray = _shadow_ray(stage, plan, hit, n_g, light)
+                    visible &= stage.surfaces.blocked(shadow_ray, facing, plan.inside) ^ True
+                return dr.select(visible, f * light.colour, 0), visible
+
+            # A branch: a vector of rays does nothing of this where the light is below the horizon of all of them.
+            added, visible = dr.if_stmt((), facing, shine, lambda: (mi.Spectrum(0), mi.Bool(False)), label="light")
+            note("shadow ray", ray=_shadow_ray(stage, plan, hit, n_g, light))
             note("light", light=light, facing=facing, visible=visible, colour=added)
             return added, dr.select(facing, mi.UInt32(1), mi.UInt32(0)) if plan.shadows else mi.UInt32(0)
 
