@@ -33,7 +33,9 @@ def _sample(stage: Stage, plan: Plan, ray: Ray) -> SampleSeen:
     heard: list[tuple[str, dict[str, Any]]] = []
 
     def note(what: str, **values: Any) -> None:
-        heard.append((what, dr.copy(values)))  # some are added to later, in place
+        # Colours are added to later, in place.
+        kept = {name: mi.Spectrum(x) if isinstance(x, mi.Spectrum) else x for name, x in values.items()}
+        heard.append((what, kept))
 
     with dr.suspend_grad(), _read_as_it_runs():  # type: ignore[no-untyped-call]
         traced = trace(stage, plan, ray, mi.Bool(True), note)

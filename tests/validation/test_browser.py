@@ -1,23 +1,15 @@
 """The page in a real browser: what it shows is what was measured, and no name runs.
 
-Chromium is driven over its DevTools protocol through a pipe (--remote-debugging-pipe), with nothing but the
-standard library. WHITTED_TEST_CHROMIUM names the program where it must be there.
+Needs Chromium, see conftest.py.
 """
 
 from __future__ import annotations
 
-import fcntl
 import json
-import os
 import re
-import select
-import shutil
-import subprocess
-import sys
-import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import mitsuba as mi
 import numpy as np
@@ -26,10 +18,13 @@ import pytest
 import whitted_validation
 from whitted_validation import report
 from whitted_validation.cli import run
+from whitted_validation.seen import look
 from whitted_validation.validation import Here
 
+if TYPE_CHECKING:
+    from tests.validation.conftest import Browser
+
 U = 2.0**-24
-PATIENCE = 60.0  # seconds until a browser that does not answer fails the test
 EVIL = """"><img src=x onerror=hacked=1></script><script>hacked=1</script><svg onload='hacked=1'>`{hacked=1}"""
 # What a file name can hold of it.
 EVIL_FILE = "<img src=x onerror=hacked=1>&lt;<i>.xml"
@@ -44,168 +39,15 @@ SCENE = """<scene version="3.0.0"><integrator type="whitted"/>
     <translate y="-1"/></transform></shape></scene>"""
 
 
-def chromium() -> str:
-    """Find the browser; skip where there is none, fail where there must be one."""
-    required = os.environ.get("WHITTED_TEST_CHROMIUM")
-    names = [required] if required else ["chromium", "chromium-browser", "google-chrome"]
-    found = next(filter(None, map(shutil.which, names)), None)
-    if found is None:
-        if required:
-            pytest.fail(f"WHITTED_TEST_CHROMIUM={required}: no such program")
-        pytest.skip("no Chromium on this machine, and WHITTED_TEST_CHROMIUM is not set")
-    return found
-
-
-def _pipe() -> tuple[int, int]:
-    """Open a pipe whose ends do not have the numbers that Chromium's get."""
-    ends = os.pipe()
-    high = fcntl.fcntl(ends[0], fcntl.F_DUPFD_CLOEXEC, 10), fcntl.fcntl(ends[1], fcntl.F_DUPFD_CLOEXEC, 10)
-    for end in ends:
-        os.close(end)
-    return high
-
-
-class Browser:
-    """One page in Chromium, and the commands of its DevTools protocol."""
-
-    def __init__(self, folder: Path) -> None:
-        read, self._write = _pipe()
-        self._read, write = _pipe()
-        options = ["--headless=new", "--remote-debugging-pipe", "--disable-gpu", "--no-first-run", "--hide-scrollbars"]
-        options += ["--disable-dev-shm-usage"]  # containers often have little of it
-        options += ["--no-sandbox"] if os.geteuid() == 0 else []  # Chromium refuses to sandbox for root
-        command = [chromium(), *options, f"--user-data-dir={folder}", "about:blank"]
-        # Chromium reads commands from file descriptor 3 and answers on 4.
-        start = (
-            "import os, sys; [os.dup2(int(sys.argv[i]), 2 + i) for i in (1, 2)]; os.execvp(sys.argv[3], sys.argv[3:])"
-        )
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", start, str(read), str(write), *command],
-            pass_fds=(read, write),
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        os.close(read)
-        os.close(write)
-        self._waiting, self._count, self._session = b"", 0, ""
-        self.events: list[dict[str, Any]] = []
-        targets = self.send("Target.getTargets")["targetInfos"]
-        (page,) = (target["targetId"] for target in targets if target["type"] == "page")
-        self._session = self.send("Target.attachToTarget", targetId=page, flatten=True)["sessionId"]
-        for domain in ("Page", "Runtime", "Log", "Network"):
-            self.send(f"{domain}.enable")
-
-    def close(self) -> None:
-        """End the program."""
-        self._process.terminate()
-        self._process.wait(PATIENCE)
-        os.close(self._read)
-        os.close(self._write)
-
-    def send(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Give a command and wait for its answer; what else is heard is kept in `events`."""
-        self._count += 1
-        message = {"id": self._count, "method": method, "params": parameters}
-        if self._session:
-            message["sessionId"] = self._session
-        os.write(self._write, json.dumps(message).encode() + b"\0")
-        while True:
-            heard = self._hear()
-            if heard.get("id") == self._count:
-                assert "error" not in heard, heard["error"]
-                result: dict[str, Any] = heard["result"]
-                return result
-            self.events.append(heard)
-
-    def _hear(self) -> dict[str, Any]:
-        end = time.monotonic() + PATIENCE
-        while b"\0" not in self._waiting:
-            ready, _, _ = select.select([self._read], [], [], max(0.0, end - time.monotonic()))
-            assert ready, "the browser does not answer"
-            data = os.read(self._read, 1 << 16)
-            assert data, "the browser has ended"
-            self._waiting += data
-        message, self._waiting = self._waiting.split(b"\0", 1)
-        heard: dict[str, Any] = json.loads(message)
-        return heard
-
-    def ask(self, expression: str) -> Any:
-        """Evaluate JavaScript, and wait for what it promises."""
-        answer = self.send("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
-        assert "exceptionDetails" not in answer, answer["exceptionDetails"]
-        return answer["result"].get("value")
-
-    def open(self, file: Path, width: int = 1280, height: int = 900, touch: bool = False) -> None:
-        """Open a page, and wait until its viewers are there."""
-        self.send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=touch)
-        self.send("Emulation.setTouchEmulationEnabled", enabled=touch, maxTouchPoints=2)
-        self.events.clear()
-        self.send("Page.navigate", url=file.as_uri())
-        end = time.monotonic() + PATIENCE
-        while not self.ask("document.documentElement?.dataset.ready === 'yes'"):
-            assert time.monotonic() < end, self.complaints()
-            time.sleep(0.02)
-
-    def complaints(self) -> list[str]:
-        """Return errors and violations that the page caused."""
-        return [json.dumps(e) for e in self.events if e["method"] in ("Log.entryAdded", "Runtime.exceptionThrown")]
-
-    def key(self, name: str, code: int, text: str = "", shift: bool = False) -> None:
-        """Press a key."""
-        press: dict[str, Any] = {"key": name, "windowsVirtualKeyCode": code, "modifiers": 8 * shift}
-        self.send("Input.dispatchKeyEvent", type="keyDown", text=text, **press)
-        self.send("Input.dispatchKeyEvent", type="keyUp", **press)
-
-    def place(self, x: float, y: float) -> tuple[float, float]:
-        """Return where the middle of a pixel of the first picture is on the screen."""
-        self.ask("document.querySelector('canvas.view').scrollIntoView({block: 'nearest'})")
-        across, down = self.ask(
-            f"""(() => {{const v = document.querySelector('.viewer').viewer, box = v.canvas.getBoundingClientRect();
-            return [box.left + ({x} + 0.5 - v.left) * v.scale, box.top + ({y} + 0.5 - v.top) * v.scale]}})()"""
-        )
-        return across, down
-
-    def hover(self, x: int, y: int) -> None:
-        """Move the mouse over a pixel."""
-        across, down = self.place(x, y)
-        self.send("Input.dispatchMouseEvent", type="mouseMoved", x=across, y=down)
-
-    def text(self, selector: str) -> str:
-        """Return the text of an element as it is shown."""
-        return str(self.ask(f"document.querySelector({json.dumps(selector)}).innerText"))
-
-    def numbers(self, selector: str, columns: int) -> np.ndarray:
-        """Read a table of three channels, without the first column."""
-        shown = self.ask(f"[...document.querySelectorAll('{selector} td.number')].map((cell) => cell.textContent)")
-        words = [word.replace("\N{MINUS SIGN}", "-").replace("\N{INFINITY}", "inf") for word in shown]
-        return np.array(words, float).reshape(3, columns)
-
-    def drawn(self, x: int, y: int) -> list[int]:
-        """Read the colour in the middle of a pixel from the canvas."""
-        return list(
-            self.ask(
-                f"""(() => {{const v = document.querySelector('.viewer').viewer, s = v.scale * v.ratio;
-                const at = [({x} + 0.5 - v.left) * s, ({y} + 0.5 - v.top) * s].map(Math.floor);
-                return [...v.canvas.getContext('2d').getImageData(...at, 1, 1).data].slice(0, 3)}})()"""
-            )
-        )
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    browser = Browser(tmp_path_factory.mktemp("profile"))
-    yield browser
-    browser.close()
-
-
 class Judged:
     """A report of a scene with hostile names, of a picture with three faults, and what went into it."""
 
     def __init__(self, folder: Path) -> None:
         file = folder / EVIL_FILE
         file.write_text(SCENE.replace("EVIL", EVIL.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")))
-        judgement = whitted_validation.validate(file, executor=Here()).judgement
-        self.picture, self.reference = judgement.picture.copy(), judgement.bounds.colour
+        verdict = whitted_validation.validate(file, executor=Here())
+        self.seen = look(verdict.description, Here())
+        self.picture, self.reference = verdict.judgement.picture.copy(), verdict.judgement.bounds.colour
         self.picture[4, 6] += 0.25
         self.picture[3, 5, 1] = np.nan
         self.picture[11, 15, 2] = np.inf
@@ -233,17 +75,33 @@ def close(shown: np.ndarray, true: np.ndarray, digits: int) -> bool:
     return bool((same | near | (np.isnan(shown) & np.isnan(true))).all())
 
 
-def test_every_word_of_both_pictures_comes_back(browser: Browser, tmp_path: Path) -> None:
-    """Bits of every kind: signs, denormals, infinities, NaN; and B to 1/16 of float32's spacing."""
-    rng = np.random.default_rng(4)
-    bits = rng.integers(0, 2**32, (9, 14, 3), dtype=np.uint32)
-    a = bits.view(np.float32)
+def noise() -> np.ndarray:
+    """Draw bits of every kind: signs, denormals, infinities, NaN."""
+    a = np.random.default_rng(4).integers(0, 2**32, (9, 14, 3), dtype=np.uint32).view(np.float32)
     a[0, 0] = 0.0, -0.0, np.nan
     a[0, 1] = np.inf, -np.inf, 2.0**-149
+    return a
+
+
+def slope() -> np.ndarray:
+    """Draw what neighbours foretell."""
+    y, x = np.mgrid[0:9, 0:14]
+    return np.stack([np.exp(0.01 * x + k * 0.02 * y) for k in range(3)], axis=2).astype(np.float32)
+
+
+@pytest.mark.parametrize(("make", "way"), [(noise, "plain"), (slope, "smooth")])
+def test_every_word_of_both_pictures_comes_back(
+    browser: Browser, tmp_path: Path, make: Callable[[], np.ndarray], way: str
+) -> None:
+    """A and the float32 of B to the last bit; B itself to 1/16 of float32's spacing."""
+    a = make()
+    rng = np.random.default_rng(5)
     with np.errstate(invalid="ignore", over="ignore"):
         double = a.astype(np.float64)
         b = np.where(np.isfinite(a), double * (1 + 1e-7 * rng.standard_normal(a.shape)), 0.5)
         near = b.astype(np.float32)
+    planes = report.Viewer(a, b).data()["planes"]
+    assert (planes["a0"][0], planes["b0"][0]) == (way, "like")
     report.write(tmp_path, {}, "planes", [report.Viewer(a, b)])
     browser.open(tmp_path / "report.html")
     words = browser.ask(
@@ -269,7 +127,7 @@ def test_hovering_tells_the_numbers_of_the_pixel(browser: Browser, judged: Judge
     browser.open(judged.page)
     statuses = {(d["x"], d["y"]): d for d in judged.facts["differences"]}
     assert set(statuses) == {(6, 4), (5, 3), (15, 11)}
-    for x, y in [(0, 0), (8, 6), (12, 10), *statuses]:
+    for x, y in [*((x, y) for x in range(16) for y in (0, 4, 6)), *statuses]:
         browser.hover(x, y)
         assert browser.text(".place") == f"pixel {x}, {y}"
         shown = browser.numbers(".values", 2)
@@ -293,12 +151,17 @@ def test_hovering_tells_the_numbers_of_the_pixel(browser: Browser, judged: Judge
 
 def test_the_pixel_is_told_with_object_light_and_bounces(browser: Browser, judged: Judged) -> None:
     browser.open(judged.page)
-    browser.hover(8, 6)
-    assert browser.text(".facts dd:nth-of-type(1)") == f"{EVIL} ball"
-    assert browser.text(".facts dd:nth-of-type(2)") == f"lit by {EVIL} lamp"
-    assert browser.text(".facts dd:nth-of-type(3)") == "1"
-    browser.hover(0, 0)
-    assert browser.text(".facts dd:nth-of-type(1)") == "background"
+    seen = judged.seen
+    assert seen.objects[seen.object[6, 8]] == f"{EVIL} ball"
+    assert seen.light_texts[seen.lights[6, 8]] == f"lit by {EVIL} lamp"
+    assert seen.objects[seen.object[0, 0]] == "background"
+    assert (seen.bounces[6, 8], seen.bounces[0, 0]) == (1, 0)
+    for x in range(16):
+        for y in (1, 8):
+            browser.hover(x, y)
+            texts = browser.ask("[...document.querySelectorAll('.facts dd')].map((node) => node.textContent)")
+            object, light = seen.objects[seen.object[y, x]], seen.light_texts[seen.lights[y, x]]
+            assert texts == [object, light, "by the rounding model", str(seen.bounces[y, x])]
 
 
 def test_unequal_pixels_are_listed_as_in_the_results_and_lead_there(browser: Browser, judged: Judged) -> None:
@@ -389,9 +252,20 @@ def test_near_enough_the_numbers_stand_in_the_pixels(browser: Browser, judged: J
     browser.ask("written.length = 0")
     for _ in range(3):
         browser.key("+", 187, "+")
-    written = browser.ask("written")
-    for x in judged.picture[4, 6]:
-        assert any(re.fullmatch(r"[\d.e+\-]+", text) and close(np.array(float(text)), x, 4) for text in written)
+    assert stands(browser.ask("written"), judged.picture[4, 6])
+    assert not stands(browser.ask("written"), judged.reference[4, 6])
+    # Undivided, the line at the left end, it is B.
+    browser.ask("document.querySelector('.views input[value=split]').click()")
+    browser.ask("document.querySelector('.divide').focus(); written.length = 0")
+    browser.key("Home", 36)
+    assert stands(browser.ask("written"), judged.reference[4, 6])
+    assert not stands(browser.ask("written"), judged.picture[4, 6])
+
+
+def stands(written: list[str], pixel: np.ndarray) -> bool:
+    """Tell whether the three numbers of a pixel are among the words that were written."""
+    numbers = [float(text) for text in written if re.fullmatch(r"[\d.e+\-]+", text)]
+    return all(any(close(np.array(number), x, 4) for number in numbers) for x in pixel)
 
 
 def test_no_name_runs_and_nothing_is_loaded(browser: Browser, judged: Judged) -> None:
@@ -424,12 +298,17 @@ def test_an_explanation_shows_with_its_pixel(browser: Browser, tmp_path: Path) -
     for kind in ("mousePressed", "mouseReleased"):
         browser.send("Input.dispatchMouseEvent", type=kind, x=across, y=down, button="left", buttons=1, clickCount=1)
     assert "the ray meets nothing" in browser.text(".rays")
+    browser.ask("document.querySelector('canvas.view').focus()")
+    browser.key("ArrowLeft", 37)
+    assert browser.ask("document.querySelector('.rays').hidden")
     assert browser.ask("typeof hacked") == "undefined"
 
 
 def test_on_a_phone_it_fits_and_fingers_work(browser: Browser, judged: Judged) -> None:
     browser.open(judged.page, width=375, height=740, touch=True)
     assert browser.ask("document.scrollingElement.scrollWidth") <= 375
+    heights = browser.ask("[...document.querySelectorAll('button, select')].map((node) => node.offsetHeight || 99)")
+    assert min(heights) >= 40  # wide enough for a finger; 99 stands for what is hidden
     across, down = browser.place(12, 10)
     browser.send("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": across, "y": down}])
     browser.send("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])

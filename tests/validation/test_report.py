@@ -224,7 +224,7 @@ def test_too_large_a_pair_is_shown_by_the_worst_pixel_of_each_block(
 
 # ------------------------------------------------------------------------------------------------------ words
 def scene(equal: int, explained: int, unexplained: int) -> dict[str, Any]:
-    return {"pixels": {"equal": equal, "explained": explained, "unexplained": unexplained}}
+    return {"against": "", "pixels": {"equal": equal, "explained": explained, "unexplained": unexplained}}
 
 
 def turned(*reasons: str) -> Difference:
@@ -249,6 +249,11 @@ SHADOW = "silhouette of `ball`, light `key_light`, bounce 0"
             [turned(SHADOW), turned("silhouette of `ball`, bounce 0"), turned("silhouette of `ball`, bounce 0")],
             "97.00 % of 100 pixels agree within their bound; 3 differ: 2 on the outline of `ball`, 1 on the shadow "
             "edge of `ball` from `key_light`.",
+        ),
+        (
+            (98, 2, 0),
+            [turned("silhouette of `ball`, bounce 1")] * 2,
+            "98.00 % of 100 pixels agree within their bound; 2 differ, both on the outline of `ball` seen in a mirror.",
         ),
         (
             (999_999, 0, 1),

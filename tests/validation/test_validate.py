@@ -46,7 +46,8 @@ def test_a_good_scene_ends_with_0_and_a_complete_report(scene: Path, tmp_path: P
     assert results["sentence"] == "All 96 pixels agree within their bound."
     (facts,) = results["scenes"]
     assert facts["pixels"] == {"equal": 96, "explained": 0, "unexplained": 0}
-    assert sum(facts["certified"][means] for means in ("propagated", "sampled", "chaotic")) == 96
+    assert facts["certified"] == {"rounding": 96, "noise": 0, "interval": 0, "decimal": 0}
+    assert (facts["chaotic"], facts["loose"]) == (0, {"texture": 0, "grazing": 0, "mirrors": 0})
     assert facts["error"]["largest"] <= facts["bound"]["largest"]
     assert sum(bounce["pixels"] for bounce in facts["by_bounce"]) == 96
     assert all(sum(bounce["errors"]) == bounce["pixels"] and bounce["ratio"] <= 1 for bounce in facts["by_bounce"])

@@ -33,7 +33,9 @@ def _light(p: Properties, number: int) -> scene.Light:
         m = p.transform()
         cutoff = p.single("cutoff_angle", 20.0, 0.0, 180.0)
         beam = float32.nearest(float32.nearest(cutoff * 3.0) / 4.0)
-        beam = p.single("beam_width", beam, 0.0, cutoff)
+        beam = p.single("beam_width", beam, 0.0)
+        if beam > cutoff:  # compared after rounding: the same decimals twice are allowed
+            raise p.refuse(f"`beam_width` is {beam:g}; allowed: 0 to {cutoff:g}")
         if p.has("texture"):
             raise p.not_defined("textured spot light")
         intensity = p.colour("intensity", 1.0)

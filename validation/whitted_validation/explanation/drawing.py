@@ -21,6 +21,8 @@ LOWEST, HIGHEST = 170.0, 340.0
 MARGIN = 34.0
 FAR = 30.0
 """What is farther off than so many sizes of what the rays touch is shown at the border, in its direction."""
+OUTSIDE = 1e5
+"""Nothing is drawn farther off than this, in units of the drawing."""
 COARSE = 0.3
 """Outlines are drawn to this, in units of the drawing, which are about a pixel."""
 NORMAL = 24.0
@@ -41,7 +43,7 @@ def drawing(description: scene.Scene, sensor: int, samples: Sequence[Sequence[Ra
         f"<figure>{_View(description, samples, axes).svg(name)}<figcaption>{name}</figcaption></figure>"
         for name, axes in views
     ]
-    return f'<div class="views">{"".join(figures)}</div>'
+    return f'<div class="sight">{"".join(figures)}</div>'
 
 
 def _nearest_axis(v: Array) -> Array:
@@ -65,7 +67,10 @@ class _View:
         rays = [ray for sample in samples for ray in sample]
         self._touched = {ray.shape for ray in rays if ray.shape is not None}
         self._blockers = {light.blocked_by for ray in rays for light in ray.lights if light.blocked_by is not None}
-        self._outlines = list(outlines(description.shapes, axes))
+        # What the rays have to do with is drawn last, on top.
+        self._outlines = sorted(
+            outlines(description.shapes, axes), key=lambda o: o.id in self._touched | self._blockers
+        )
         self._frame(rays)
 
     def svg(self, name: str) -> str:
@@ -90,13 +95,12 @@ class _View:
         drawn = [np.concatenate(o.rings) for o in self._outlines if o.id in self._touched | self._blockers]
         if not hits:
             drawn = [np.concatenate(o.rings) for o in self._outlines] or [core + 1.0, core - 1.0]
-        reach = _extent(core) + max(
-            (math.dist(self._flat(ray.o), self._flat(ray.p)) for ray in rays if ray.p), default=0
-        )
-        for ring in sorted(drawn, key=_extent):
-            if reach == 0 or _extent(ring) <= 2 * reach:
-                core = np.concatenate([core, ring])
-        size = max(_extent(core), 1e-6 * float(np.abs(core).max()), 1e-30)
+        reach = max((ray.t for ray in rays if ray.shape is not None), default=math.inf)
+        small = [ring for ring in drawn if _extent(ring) <= 2 * reach]
+        core = np.concatenate([core, *small])
+        # On a floor without end it is the ray itself that gives the scale.
+        size = _extent(core) if small else max(_extent(core), reach)
+        size = max(size, 1e-6 * float(np.abs(core).max()), 1e-30)
         near = [self._flat(rays[0].o)]
         near += [self._flat(light.position) for light in self._lights.values() if hasattr(light, "position")]
         middle = (core.min(axis=0) + core.max(axis=0)) / 2
@@ -113,7 +117,9 @@ class _View:
 
     def _at(self, flat: Array) -> Array:
         """Turn coordinates of the view, (2,) or (n, 2), into those of the page."""
-        away = np.clip((flat - self._middle) * self._scale, -1e5, 1e5)
+        away = (flat - self._middle) * self._scale
+        far = np.abs(away).max(axis=-1, keepdims=True)
+        away = away * (OUTSIDE / np.maximum(far, OUTSIDE))  # in the same direction, but not beyond all digits
         return np.asarray(away * (1.0, -1.0) + (WIDTH / 2, self._height / 2))
 
     # ------------------------------------------------------------------------------------------- the parts
@@ -160,7 +166,7 @@ class _View:
         if mark not in marks:
             marks.append(mark)
             labels.keep_clear(sun, 9.0)
-            labels.put(_short(light.id), sun, "label light" if light.visible else "label quiet")
+        labels.put(_short(light.id), sun, "label light" if light.visible else "label quiet")
         labels.keep_clear_of(start, sun)
         return f'<line class="shadow {kind}" {_ends(start, sun)}/>'
 

@@ -215,6 +215,8 @@ class Explainer:
     def __init__(self, request: Request, sensor: int = 0, grid: int = 1, size: tuple[int, int] | None = None) -> None:
         self._request, self._sensor, self._grid, self._size = request, sensor, grid, size
         self._file = file = request.seen.file
+        if request.variant is not None and not request.variant.endswith("_rgb"):
+            raise Refusal(f"-m {request.variant}: pixels are explained in rgb variants")
         try:
             scene = whitted_reference.load(file, request.defines, request.folders)
         except whitted_reference.SceneError as error:
@@ -233,12 +235,8 @@ class Explainer:
     def _loaded(self) -> Loaded:
         loaded = self._request.load(self._sensor)
 
-        import mitsuba as mi
-
         from whitted_validation import render
 
-        if not str(mi.variant()).endswith("_rgb"):
-            raise Refusal(f"-m {mi.variant()}: pixels are explained in rgb variants")
         if self._size is not None:
             render.resize(loaded, self._size)
         return loaded

@@ -33,7 +33,7 @@ STYLE = """
 .explain p { margin: .15rem 0; overflow-wrap: anywhere; max-width: 46rem }
 .explain code { font: .9em ui-monospace, "SF Mono", Menlo, Consolas, "DejaVu Sans Mono", monospace; color: inherit;
   background: var(--panel); padding: 0 .25em; border-radius: .2em; overflow-wrap: anywhere }
-.explain .views { display: flex; flex-wrap: wrap; gap: .5rem 1.25rem; margin: .75rem 0 }
+.explain .sight { display: flex; flex-wrap: wrap; gap: .5rem 1.25rem; margin: .75rem 0 }
 .explain figure { margin: 0; flex: 1 1 19rem; max-width: 30rem }
 .explain figcaption { color: var(--quiet); font-size: .85rem }
 .explain svg { display: block; width: 100%; height: auto; background: var(--panel); border-radius: .4rem }

@@ -102,6 +102,11 @@ class Pair {
     return this.x ? [this.x[i], this.y[i]] : [i % this.width, Math.floor(i / this.width)];
   }
 
+  /** Pixels that come with an explanation. */
+  drawn() {
+    return [...this.worst.keys()].filter((i) => this.place(i).join(",") in this.explained);
+  }
+
   /** Pixels to look at first: not equal, unexplained before explained, then by error; without a verdict the worst. */
   listed(most) {
     const found = [];

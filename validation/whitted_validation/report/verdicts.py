@@ -7,15 +7,18 @@ results.json of validate, after the keys of all commands (see the package):
     scenes      one object a scene, in the order in which they were judged:
         name, file, variant, against, grid, width, height, seconds, sentence
         pixels      equal, explained, unexplained: numbers of pixels
-        certified   by whose bound: propagated, sampled, chaotic (numbers of pixels); `loose` of them have a
-                    bound above what a coefficient off by 1e-3 changes
+        certified   what vouches for B and its bound: rounding, noise, interval, decimal (numbers of pixels)
+        chaotic     number of pixels where most draws decide otherwise: beyond float32
+        loose       numbers of pixels with a bound above what a coefficient off by 1e-3 changes, by why it is:
+                    texture, grazing, mirrors
         error       median, largest: of |A - B| over all pixels, worst channel
         bound       median, largest
         by_bounce   one object for each number of mirrors on the way of the pixel's middle: bounces, pixels, unequal,
                     median, largest (error), ratio (largest of error / bound), errors (numbers of pixels: no error,
                     then one for each of DECADES, the last one open)
         differences the pixels that are not equal, unexplained ones first, the largest error first, at most
-                    MOST_LISTED: x, y, status, error, bound, reasons, told (why, in words), alternatives, complete
+                    MOST_LISTED: x, y, status, error, bound, reasons, told (why, in words), alternatives, complete,
+                    settled_by (the arithmetic in which B was computed again, or empty)
     not_judged  one object a scene: scene, why
 """
 
@@ -31,6 +34,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whitted_validation.bounds import Cause, Means
 from whitted_validation.explanation.page import STYLE
 from whitted_validation.report.charts import Bars
 from whitted_validation.report.page import write
@@ -45,6 +49,20 @@ from whitted_validation.verdict import Difference, Status
 MOST_LISTED = 1000
 DECADES = range(-10, 1)  # errors are counted by powers of ten: below 1e-10, 1e-10 to 1e-9, ..., from 1 on
 MOST_LAYERS = 5  # numbers of bounces told apart in the chart
+
+_MEANS = {
+    Means.ROUNDING: "by the rounding model",
+    Means.NOISE: "by draws within rounding",
+    Means.INTERVAL: "by the rounding model, B by intervals",
+    Means.DECIMAL: "by the rounding model, B to forty digits",
+}
+_CAUSES = {
+    Cause.NONE: "",
+    Cause.TEXTURE: "; loose, for its texture is steep",
+    Cause.GRAZING: "; loose, for a ray grazes or comes from afar",
+    Cause.MIRRORS: "; loose, for errors grow from mirror to mirror",
+}
+BOUND_TEXTS = [_MEANS[means] + _CAUSES[cause] for means in Means for cause in Cause]
 
 Refused = Sequence[tuple[str, str]]
 
@@ -106,7 +124,6 @@ def _scene(verdict: Verdict, seen: Seen) -> dict[str, Any]:
     judgement, bounds = verdict.judgement, verdict.judgement.bounds
     error, bound = error_of(verdict), bounds.bound.max(axis=2)
     height, width = judgement.status.shape
-    sampled, chaotic = int(bounds.sampled.sum()), int(bounds.chaotic.sum())
     facts = {
         "name": verdict.scene.stem,
         "file": str(verdict.scene),
@@ -117,12 +134,9 @@ def _scene(verdict: Verdict, seen: Seen) -> dict[str, Any]:
         "height": height,
         "seconds": round(verdict.seconds, 2),
         "pixels": {status.name.lower(): judgement.count(status) for status in Status},
-        "certified": {
-            "propagated": width * height - sampled - chaotic,
-            "sampled": sampled,
-            "chaotic": chaotic,
-            "loose": int(bounds.loose.sum()),
-        },
+        "certified": {means.name.lower(): int((bounds.means == means).sum()) for means in Means},
+        "chaotic": int(bounds.chaotic.sum()),
+        "loose": {cause.name.lower(): int((bounds.cause == cause).sum()) for cause in Cause if cause},
         "error": {"median": float(np.median(error)), "largest": float(error.max())},
         "bound": {"median": float(np.median(bound)), "largest": float(bound.max())},
         "by_bounce": [_bounce(verdict, error, seen.bounces == k, int(k)) for k in np.unique(seen.bounces)],
@@ -161,6 +175,7 @@ def _difference(d: Difference, largest: float) -> dict[str, Any]:
         "told": why(d, finite),
         "alternatives": d.alternatives,
         "complete": d.complete,
+        "settled_by": d.settled_by,
     }
 
 
@@ -213,7 +228,7 @@ def _table(scenes: Sequence[tuple[Mapping[str, Any], str]]) -> Table:
                 pixels["explained"],
                 pixels["equal"],
                 *(scene[what][which] for what in ("error", "bound") for which in ("median", "largest")),
-                scene["certified"]["loose"],
+                sum(scene["loose"].values()),
                 scene["seconds"],
             ]
         )
@@ -227,7 +242,7 @@ def _about(judged: Judged) -> list[Section]:
 def viewer(judged: Judged) -> Viewer:
     """Return the pictures of a scene, to be looked into."""
     verdict, seen = judged.verdict, judged.seen
-    judgement, finite = verdict.judgement, np.isfinite(verdict.judgement.picture).all(axis=2)
+    judgement, finite = verdict.judgement, np.isfinite(error_of(verdict))
     return Viewer(
         judgement.picture,
         judgement.bounds.colour,
@@ -235,7 +250,11 @@ def viewer(judged: Judged) -> Viewer:
         bound=judgement.bounds.bound,
         status=judgement.status,
         numbers={"bounces": seen.bounces},
-        labels={"object": (seen.object, seen.objects), "light": (seen.lights, seen.light_texts)},
+        labels={
+            "object": (seen.object, seen.objects),
+            "light": (seen.lights, seen.light_texts),
+            "bound": (judgement.bounds.means * len(Cause) + judgement.bounds.cause, BOUND_TEXTS),
+        },
         told={f"{d.x},{d.y}": why(d, bool(finite[d.y, d.x])) for d in judgement.differences},
         explained=judged.explained,
     )

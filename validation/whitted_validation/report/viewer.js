@@ -110,16 +110,22 @@ class Viewer {
     this.find(".unequal").hidden = count === 0;
     this.find(".unequal .heading").textContent = !this.pair.status ? "Pixels that differ most"
       : unequal > count ? `The first ${count} of ${unequal} unequal pixels, the worst first` : "Unequal pixels, the worst first";
-    for (const i of this.listed) {
-      const button = document.createElement("button");
-      button.type = "button";
-      button.textContent = `${this.pair.place(i).join(", ")}`;
-      if (this.pair.status) button.className = VERDICTS[this.pair.status[i]];
-      button.addEventListener("click", () => this.choose(i));
-      const item = document.createElement("li");
-      item.append(button);
-      this.find(".unequal ol").append(item);
-    }
+    for (const i of this.listed) this.find(".unequal ol").append(this.button(i));
+    const drawn = this.pair.drawn().filter((i) => !this.listed.includes(i));
+    this.find(".drawn").hidden = drawn.length === 0;
+    for (const i of drawn) this.find(".drawn ol").append(this.button(i));
+  }
+
+  /** Make a button that chooses a pixel, in a list. */
+  button(i) {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.textContent = this.pair.place(i).join(", ");
+    if (this.pair.status) button.className = VERDICTS[this.pair.status[i]];
+    button.addEventListener("click", () => this.choose(i));
+    const item = document.createElement("li");
+    item.append(button);
+    return item;
   }
 
   // ------------------------------------------------------------------------------------ pointers and zoom
@@ -366,8 +372,7 @@ class Viewer {
       const bound = pair.bound.length ? [digits(pair.bound[c][i], 2)] : [];
       row(errors, [name, digits(pair.error(i, c), 3), brief(pair.ulps(i, c)), ...bound]);
     });
-    const told = pair.told[`${x},${y}`] ?? "";
-    this.find(".told").textContent = told;
+    this.find(".told").replaceChildren(...prose(pair.told[`${x},${y}`] ?? ""));
     const facts = this.find(".facts");
     facts.replaceChildren();
     const fact = (name, text) => {
@@ -389,6 +394,15 @@ class Viewer {
     this.find(".rays h3").textContent = `The rays of pixel ${place.replace(",", ", ")}`;
     this.find(".rays div").innerHTML = explanation ?? ""; // escaped where it was made; nothing in it may run
   }
+}
+
+/** A text, with what stands in `backticks` as a name. */
+function prose(text) {
+  return text.split(/`([^`]*)`/).map((part, k) => {
+    const node = document.createElement(k % 2 ? "code" : "span");
+    node.textContent = part;
+    return node;
+  });
 }
 
 /** A number with so many significant digits, all of them written, so that columns align. */

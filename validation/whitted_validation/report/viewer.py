@@ -163,4 +163,4 @@ def _sorted(words: NDArray[np.uint32]) -> bytes:
 
 
 def _deflated(data: bytes) -> str:
-    return base64.b64encode(zlib.compress(data, 9)).decode()
+    return base64.b64encode(zlib.compress(data)).decode()

@@ -49,7 +49,8 @@ def of_scene(scene: Mapping[str, Any], differences: Sequence[Difference]) -> str
             rest = sum(count for _, count in places[MOST_PLACES:])
             said += f"; {_differ(len(explained))}: " + ", ".join(named + [f"{rest:,} elsewhere"] * (rest > 0))
     if counts["unexplained"]:
-        said += f"; {_differ(counts['unexplained'])} without an explanation: a fault in one of the two programs"
+        said += f"; {_differ(counts['unexplained'])} without an explanation"
+        said += "" if scene["against"] else ": a fault in one of the two programs"
     return said + "."
 
 
@@ -88,8 +89,9 @@ def why(difference: Difference, finite: bool = True) -> str:
             else f"{_many(tried, 'other way')} to decide within rounding {'was' if tried == 1 else 'were'} tried, and "
             "none gives A's colour"
         )
+        again = f" B was computed again in {difference.settled_by}, and stands." if difference.settled_by else ""
         whole = "" if difference.complete else " (the search stopped at its limit)"
-        return f"Unexplained. A and B differ by more than rounding may make of this pixel, and {looked}{whole}."
+        return f"Unexplained. A and B differ by more than rounding may make of this pixel, and {looked}{whole}.{again}"
     if any(_REASON.fullmatch(reason) for reason in difference.reasons):
         where = ", and ".join(place(reason) for reason in difference.reasons)
         return (

@@ -13,10 +13,10 @@ which turn l.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whitted_validation.stress.case import Case, Outcome, U, log_uniform, shares
 from whitted_validation.stress.geometry import (
@@ -59,12 +59,12 @@ def cases() -> Iterator[Case]:
 
 def _sphere(name: str, **where: float) -> Case:
     statement = "points of a ball with the light above their horizon are lit, all others are dark"
-    return Case("shadow acne", name, statement, partial(_on_sphere, **where))
+    return Case("shadow acne", name, statement, lambda trial: _on_sphere(trial, **where))
 
 
 def _triangles(name: str, **where: float) -> Case:
     statement = "points of an icosahedron with the light above their horizon are lit, all others are dark"
-    return Case("shadow acne", name, statement, partial(_on_icosahedron, **where))
+    return Case("shadow acne", name, statement, lambda trial: _on_icosahedron(trial, **where))
 
 
 def margin(distance: Array | float, size: float, cosine: Array, reach: float, to_light: Array) -> Array:
@@ -100,7 +100,7 @@ def _on_sphere(trial: Trial, scale: float = 1.0, distance: float = 3.0, offset: 
     doubt = margin(
         distance * radius, radius, cosine, float(np.abs(centre).max()) + radius, np.sqrt(dot(to_light, to_light))
     )
-    return _counted(trial.look(scene, o, d), n_l, doubt, known)
+    return _outcome(_count(trial.look(scene, o, d)[:, 0], n_l, doubt, known))
 
 
 def _on_icosahedron(trial: Trial, scale: float = 1.0, distance: float = 3.0, offset: float = 0.0) -> Outcome:
@@ -138,22 +138,14 @@ def _on_icosahedron(trial: Trial, scale: float = 1.0, distance: float = 3.0, off
     # How far inside its triangle the point lies: less, and the neighbour may be met.
     room = np.min([_height(p, corners[:, i], corners[:, (i + 1) % 3], normal) for i in range(3)], axis=0)
     known = room > 16 * U * (distance * scale / cosine + reach)
-    outcomes = []
     colours = trial.look(scene, o, d)
-    wrong = {"lit": [0, 0], "dark": [0, 0]}
+    total = np.zeros(4, int)
     for i, lamp in enumerate(lamps):
         to_light = lamp - p
-        n_l = dot(normal, unit(to_light))
         length = np.sqrt(dot(to_light, to_light))
-        doubt = margin(distance * scale, scale, cosine, reach, length)
-        outcomes.append(_counted(colours[:, i : i + 1], n_l, doubt, known))
-        for name, pair in wrong.items():
-            pair[0] += outcomes[-1].values[_WORDS[name]]
-            pair[1] += outcomes[-1].values[f"{_WORDS[name]} of"]
-    return shares(*((_WORDS[name], *pair) for name, pair in wrong.items()))
-
-
-_WORDS = {"lit": "lit points black", "dark": "dark points lit"}
+        n_l = dot(normal, to_light) / length
+        total += _count(colours[:, i], n_l, margin(distance * scale, scale, cosine, reach, length), known)
+    return _outcome(total)
 
 
 def _height(p: Array, a: Array, b: Array, normal: Array) -> Array:
@@ -170,9 +162,12 @@ def _seen_from(n: Array, rng: np.random.Generator) -> Array:
     return np.asarray(cosine[:, None] * n + np.sqrt(1 - cosine**2)[:, None] * w)
 
 
-def _counted(colours: Array, n_l: Array, doubt: Array, known: Any) -> Outcome:
-    seen = colours.max(axis=1)
+def _count(seen: Array, n_l: Array, doubt: Array, known: Any) -> NDArray[np.int_]:
+    """Count lit points that are black, lit points, dark points that are not black, and dark points."""
     lit, dark = known & (n_l > doubt), known & (n_l < -doubt)
-    return shares(
-        (_WORDS["lit"], (lit & ~(seen > 0)).sum(), lit.sum()), (_WORDS["dark"], (dark & ~(seen == 0)).sum(), dark.sum())
-    )
+    return np.array([(lit & ~(seen > 0)).sum(), lit.sum(), (dark & ~(seen == 0)).sum(), dark.sum()])
+
+
+def _outcome(total: NDArray[np.int_]) -> Outcome:
+    black, lit, bright, dark = total.tolist()
+    return shares(("lit points black", black, lit), ("dark points lit", bright, dark))

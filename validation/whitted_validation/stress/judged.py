@@ -102,8 +102,9 @@ def cases() -> Iterator[Case]:
     yield _case("mirror chains", "picture between four balls", balls + sky + _lamp("0, 6, -1"),
                 "no pixel is unexplained; pixels beyond float32 are flagged", _is_flagged, **cavity)  # fmt: skip
     yield _case("narrow cones", "picture of a spot of 0.5 degrees", FLOOR + '<emitter type="spot">'
-                '<rgb name="intensity" value="400"/><float name="cutoff_angle" value="0.5"/><transform name="to_world"><lookat '
-                'origin="9, 70, -30" target="0, 0, 0" up="0, 0, 1"/></transform></emitter>',
+                '<rgb name="intensity" value="400"/><float name="cutoff_angle" value="0.5"/>'
+                '<transform name="to_world"><lookat origin="9, 70, -30" target="0, 0, 0" up="0, 0, 1"/></transform>'
+                "</emitter>",
                 "no pixel is unexplained", _is_finite)  # fmt: skip
 
 

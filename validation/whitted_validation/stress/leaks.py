@@ -65,7 +65,7 @@ def _gap(name: str, **where: float) -> Case:
         f"gaps of {NARROWEST:g} of the size and more are dark, and where nothing is above, it is lit; "
         "shown: the widest gap that fails"
     )
-    return Case("light leaks", name, statement, partial(_wedge, **where))
+    return Case("light leaks", name, statement, lambda trial: _wedge(trial, **where))
 
 
 def _wedge(trial: Trial, angle: float, scale: float) -> Outcome:
@@ -74,7 +74,8 @@ def _wedge(trial: Trial, angle: float, scale: float) -> Outcome:
     lid = scale * GENERAL @ rotation((0, 1, 0), -angle)
     scene, exact = trial.pair(
         f"""{HEAD}<emitter type="directional">
-        <vector name="direction" value="{triple(GENERAL @ (0.6, -0.2, -0.7746))}"/></emitter><shape type="rectangle" id="floor"><transform name="to_world">{affine(scale * GENERAL)}</transform>
+        <vector name="direction" value="{triple(GENERAL @ (0.6, -0.2, -0.7746))}"/></emitter>
+        <shape type="rectangle" id="floor"><transform name="to_world">{affine(scale * GENERAL)}</transform>
         <ref id="white"/></shape><shape type="rectangle" id="lid"><transform name="to_world">{affine(lid)}</transform>
         </shape></scene>"""
     )
@@ -109,8 +110,8 @@ def _wedge(trial: Trial, angle: float, scale: float) -> Outcome:
     return _widest(off_lid, lit_under_lid | open_but_dark, sees, int(lit_under_lid.sum()), int(open_but_dark.sum()))
 
 
-def _widest(gap: Array, wrong: Array, tried: Array, leaks: int, black: int) -> Outcome:
-    width = float(gap[wrong.astype(bool)].max(initial=0.0))
+def _widest(gap: Array, wrong: Any, tried: Any, leaks: int, black: int) -> Outcome:
+    width = float(gap[wrong].max(initial=0.0))
     outcome = limited(
         "widest gap that fails", width, NARROWEST, probes=int(tried.sum()), lit=leaks, **{"black in the open": black}
     )

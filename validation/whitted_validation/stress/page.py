@@ -16,7 +16,7 @@ from pathlib import Path
 
 from whitted_validation import report
 from whitted_validation.report.charts import Chart
-from whitted_validation.report.sections import Cell, Group, Section, Sentence, Table, Tone
+from whitted_validation.report.sections import Cell, Group, Picture, Section, Sentence, Table, Tone
 from whitted_validation.stress.policies import EPSILONS, OURS, POLICIES, SPAWN_RAY
 from whitted_validation.stress.run import Result, as_facts
 
@@ -92,7 +92,13 @@ def _family(family: str, results: Sequence[Result]) -> Group:
         if not result.holds
     ]
     table = Table(["case", *(policy.name for policy in POLICIES)], rows)
-    return Group(family.capitalize(), (*(Sentence(f"Holds: {text}.") for text in statements), table, *told))
+    pictures = [
+        Picture(picture, caption)
+        for result in results
+        for outcome in result.outcomes.values()
+        for caption, picture in outcome.pictures.items()
+    ]
+    return Group(family.capitalize(), (*(Sentence(f"Holds: {text}.") for text in statements), table, *told, *pictures))
 
 
 def _values(result: Result) -> list[tuple[str, object]]:

@@ -85,7 +85,8 @@ def _spawn_ray() -> Patches:
         is_near = light.distance < dr.inf
         d = dr.select(is_near, there / length, light.l)
         end = dr.select(is_near, length * (1 - SHADOW_EPSILON), dr.inf)
-        return mi.Ray3f(found.p + shift, mi.Vector3f(d), end, 0, [])
+        o = mi.Point3f(found.p + shift)
+        return mi.Ray3f(o, mi.Vector3f(d), mi.Float(end), 0, [])  # type: ignore[call-overload]  # stub without rgb
 
     def blocked(self: Any, ray: Any, active: Any) -> Any:
         return self.accel.any_hit(ray, active)

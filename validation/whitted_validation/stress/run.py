@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from whitted_validation import scene_files
-from whitted_validation.stress import acne, judged, leaks, meshes, mirrors, pictures, refusals, shading
+from whitted_validation.stress import acne, contacts, judged, leaks, meshes, mirrors, pictures, refusals, shading
 from whitted_validation.stress.case import Case, Outcome
 from whitted_validation.stress.policies import OURS, POLICIES, Policy
 from whitted_validation.stress.trial import Trial
 
-FAMILIES = (acne, leaks, meshes, mirrors, shading, judged, refusals, pictures)
+FAMILIES = (acne, leaks, contacts, meshes, mirrors, shading, judged, refusals, pictures)
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ def cases() -> Iterator[Case]:
 
 
 def _power(trial: Trial, exponent: float) -> Outcome:
-    """Call the plugin's own function on unit vectors that are exact as given; n as near to h as the power can be seen."""
+    """Call the plugin's own function on given unit vectors, n as near to h as the power can be seen."""
     import mitsuba as mi
 
     from mitsuba_whitted import precise

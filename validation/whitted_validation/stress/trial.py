@@ -74,7 +74,8 @@ class Trial:
 
         ray = mi.Ray3f(mi.Point3f(o.T.astype(np.float32)), mi.Vector3f(d.T.astype(np.float32)))
         colour, _, _ = scene.integrator().sample(scene, None, ray, None, True)
-        return np.array(colour, np.float64).T
+        colours: Array = np.array(colour, np.float64).T
+        return colours
 
     def follow(self, scene: Any, o: Array, d: Array) -> tuple[list[Array], list[NDArray[np.bool_]]]:
         """Return where chains of mirrors meet surfaces: points (n, 3) and whether they are there, bounce by bounce."""
