@@ -187,7 +187,9 @@ class Materials:
         self.k_d = coefficient(mi.Spectrum, "k_d", "diffuse reflectance", 1)
         self.k_s = coefficient(mi.Spectrum, "k_s", "specular reflectance", 1)
         self.k_m = coefficient(mi.Spectrum, "k_m", "mirror reflectance", 1)
-        self.k_a = coefficient(mi.Spectrum, "k_a", "ambient reflectance", 1)
+        # Mostly k_a is not given and so is k_d, the same object: one table then, and one load.
+        same = all(material.k_a == material.k_d for material in materials)
+        self.k_a = self.k_d if same else coefficient(mi.Spectrum, "k_a", "ambient reflectance", 1)
         self.exponent = coefficient(mi.Float, "exponent", "exponent", MAX_EXPONENT)
 
     def row_of(self, shape: Any, from_behind: Any, active: Any) -> Any:

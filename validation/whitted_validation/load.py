@@ -79,7 +79,7 @@ def load(seen: Scene, folders: Sequence[Path], defines: Mapping[str, str], senso
         integrator = mi.load_dict({"type": "whitted", "id": "whitted"})
     try:
         integrator.plan(scene)
-        Camera(sensors[sensor])
+        Camera(sensors[sensor], np.zeros(3))
     except SceneError as error:
         raise Refusal(f"{seen.file}: {error}") from None
     return Loaded(seen.file, scene, sensors[sensor], integrator, remark)
