@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import html.parser
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import mitsuba as mi
@@ -128,6 +131,28 @@ def test_a_bad_scene_does_not_hide_a_good_one(scene: Path, tmp_path: Path) -> No
     results = json.loads((tmp_path / "results.json").read_text())
     assert len(results["scenes"]) == len(results["not_judged"]) == 1
     assert "not judged" in results["not_judged"][0]["why"]
+
+
+def test_ctrl_c_keeps_what_is_done_and_says_one_line(scene: Path, tmp_path: Path, llvm_ad_rgb: str) -> None:
+    code = "import sys; from whitted_validation.cli import main; main()"
+    arguments = ["validate", str(scene), "many_spheres", "--size", "96x96", "--report", str(tmp_path / "report")]
+    file = tmp_path / "report/results.json"
+    # A process group of its own: the signal goes to the workers too, as it does on a terminal.
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *arguments], stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    end = time.monotonic() + 100
+    while not (file.is_file() and json.loads(file.read_text())["scenes"]):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    error = process.communicate(timeout=60)[1]
+    assert process.returncode == 130
+    assert error.splitlines()[-1] == "whitted: interrupted"
+    assert "Traceback" not in error
+    results = json.loads(file.read_text())
+    assert (results["complete"], len(results["scenes"])) == (False, 1)
+    assert results["sentence"].endswith("not all scenes are done.")
 
 
 @pytest.mark.parametrize(
