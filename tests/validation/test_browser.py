@@ -245,6 +245,7 @@ def test_everything_is_reached_and_done_by_keys(browser: Browser, judged: Judged
         assert browser.ask("document.querySelector('.views input:checked').value") == view
     browser.key("n", ord("N"), "n")
     assert browser.text(".place") in {f"pixel {d['x']}, {d['y']}" for d in judged.facts["differences"]}
+    assert browser.complaints() == []
 
 
 def test_near_enough_the_numbers_stand_in_the_pixels(browser: Browser, judged: Judged) -> None:

@@ -143,3 +143,33 @@ function outline(context, viewer, i) {
   context.strokeStyle = "#fff";
   context.strokeRect(x, y, side, side);
 }
+
+/** Draw the line between A and B. */
+function drawLine(context, { tall }, line) {
+  context.fillStyle = "#0008";
+  context.fillRect(line - 1.5, 0, 3, tall);
+  context.fillStyle = "#fff";
+  context.fillRect(line - 0.5, 0, 1, tall);
+  context.font = "600 13px system-ui, sans-serif";
+  context.textBaseline = "top";
+  for (const [text, at, align] of [["A", line - 9, "right"], ["B", line + 9, "left"]]) {
+    context.textAlign = align;
+    context.lineWidth = 3;
+    context.strokeStyle = "#0009";
+    context.strokeText(text, at, 8);
+    context.fillText(text, at, 8);
+  }
+}
+
+/** Draw the error scale below the picture. */
+function drawScale(viewer) {
+  const [low, high] = scaleOf(viewer.pair, viewer.unit);
+  const unit = viewer.unit === "ulp" ? " ulp" : "";
+  viewer.find(".low").textContent = `black: 0. ${(10 ** low).toExponential(0)}${unit}`;
+  viewer.find(".high").textContent = `${(10 ** high).toExponential(0)}${unit}`;
+  const context = viewer.find(".ramp").getContext("2d");
+  for (let x = 0; x < 256; x++) {
+    context.fillStyle = `rgb(${ramp(x / 255)})`;
+    context.fillRect(x, 0, 1, 1);
+  }
+}

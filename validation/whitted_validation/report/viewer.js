@@ -24,7 +24,7 @@ class Viewer {
     this.list();
     new ResizeObserver(() => this.resize()).observe(this.find(".canvas"));
     this.resize();
-    this.tell(this.listed.length ? this.listed[0] : 0);
+    tell(this, this.listed.length ? this.listed[0] : 0);
     if (this.listed.length && pair.status) this.choose(this.listed[0], false);
   }
 
@@ -246,12 +246,12 @@ class Viewer {
     this.hovered = null;
     if (i !== null && reveal) this.reveal(i);
     this.draw();
-    this.explain(i);
+    explain(this, i);
   }
 
   refresh() {
     const i = this.hovered ?? this.chosen;
-    if (i !== null && i !== this.told) this.tell(i);
+    if (i !== null && i !== this.told) tell(this, i);
   }
 
   side(x) {
@@ -307,110 +307,16 @@ class Viewer {
     this.makers = {};
     if (this.scale >= NUMBERS_FROM) writeNumbers(context, this);
     if (this.pair.status && view !== "verdict" && this.find(".mark").checked) markUnequal(context, this);
-    if (view === "split") this.drawLine(context, line);
+    if (view === "split") drawLine(context, this, line);
     if (this.chosen !== null) outline(context, this, this.chosen);
     canvas.style.touchAction = this.scale > this.least ? "none" : "pan-y";
     this.find(".for-split").hidden = view !== "split";
     this.find(".for-light").hidden = view === "error" || view === "verdict";
     this.find(".for-error").hidden = view !== "error";
-    this.drawScale(view === "error");
+    this.find(".scale").hidden = view !== "error";
+    if (view === "error") drawScale(this);
     this.refresh();
   }
-
-  drawLine(context, line) {
-    context.fillStyle = "#0008";
-    context.fillRect(line - 1.5, 0, 3, this.tall);
-    context.fillStyle = "#fff";
-    context.fillRect(line - 0.5, 0, 1, this.tall);
-    context.font = "600 13px system-ui, sans-serif";
-    context.textBaseline = "top";
-    for (const [text, at, align] of [["A", line - 9, "right"], ["B", line + 9, "left"]]) {
-      context.textAlign = align;
-      context.lineWidth = 3;
-      context.strokeStyle = "#0009";
-      context.strokeText(text, at, 8);
-      context.fillText(text, at, 8);
-    }
-  }
-
-  drawScale(shown) {
-    this.find(".scale").hidden = !shown;
-    if (!shown) return;
-    const [low, high] = scaleOf(this.pair, this.unit);
-    const unit = this.unit === "ulp" ? " ulp" : "";
-    this.find(".low").textContent = `black: 0. ${(10 ** low).toExponential(0)}${unit}`;
-    this.find(".high").textContent = `${(10 ** high).toExponential(0)}${unit}`;
-    const context = this.find(".ramp").getContext("2d");
-    for (let x = 0; x < 256; x++) {
-      context.fillStyle = `rgb(${ramp(x / 255)})`;
-      context.fillRect(x, 0, 1, 1);
-    }
-  }
-
-  // ----------------------------------------------------------------------------------------- the pixel told
-  tell(i) {
-    const { pair } = this;
-    this.told = i;
-    const [x, y] = pair.place(i);
-    this.find(".place").textContent = `pixel ${x}, ${y}`;
-    const badge = this.find(".badge");
-    badge.textContent = pair.status ? VERDICTS[pair.status[i]] : "";
-    badge.className = `badge ${badge.textContent}`;
-    const row = (body, cells) => {
-      const line = body.insertRow();
-      cells.forEach((text, k) => {
-        const cell = line.insertCell();
-        cell.textContent = text;
-        if (k) cell.className = "number";
-      });
-    };
-    const [values, errors] = [this.find(".values"), this.find(".errors")];
-    values.replaceChildren();
-    errors.replaceChildren();
-    ["red", "green", "blue"].forEach((name, c) => {
-      row(values, [name, digits(pair.a[c][i], 9), digits(pair.exact(i, c), 10)]);
-      const bound = pair.bound.length ? [digits(pair.bound[c][i], 2)] : [];
-      row(errors, [name, digits(pair.error(i, c), 3), brief(pair.ulps(i, c)), ...bound]);
-    });
-    this.find(".told").replaceChildren(...prose(pair.told[`${x},${y}`] ?? ""));
-    const facts = this.find(".facts");
-    facts.replaceChildren();
-    const fact = (name, text) => {
-      const [term, description] = [document.createElement("dt"), document.createElement("dd")];
-      term.textContent = name;
-      description.textContent = text;
-      facts.append(term, description);
-    };
-    for (const [name, { plane, texts }] of Object.entries(pair.labels)) fact(name, texts[plane[i]]);
-    for (const [name, plane] of Object.entries(pair.numbers)) fact(name, String(plane[i]));
-  }
-
-  /** Show the rays of a chosen pixel, where the page holds them. */
-  explain(i) {
-    const place = i === null ? "" : this.pair.place(i).join(",");
-    const explanation = this.pair.explained[place];
-    const section = this.find(".rays");
-    section.hidden = explanation === undefined;
-    this.find(".rays h3").textContent = `The rays of pixel ${place.replace(",", ", ")}`;
-    this.find(".rays div").innerHTML = explanation ?? ""; // escaped where it was made; nothing in it may run
-  }
-}
-
-/** A text, with what stands in `backticks` as a name. */
-function prose(text) {
-  return text.split(/`([^`]*)`/).map((part, k) => {
-    const node = document.createElement(k % 2 ? "code" : "span");
-    node.textContent = part;
-    return node;
-  });
-}
-
-/** A number with so many significant digits, all of them written, so that columns align. */
-function digits(x, count) {
-  if (!Number.isFinite(x)) return brief(x);
-  const size = Math.abs(x);
-  const text = x === 0 ? "0" : size >= 1e-4 && size < 1e6 ? x.toPrecision(count) : x.toExponential(count - 1);
-  return text.replaceAll("-", "−");
 }
 
 (async () => {

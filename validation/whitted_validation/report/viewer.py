@@ -1,4 +1,4 @@
-"""A pair of pictures to be looked into, pixel by pixel; the rest of it is drawing.js and viewer.js.
+"""A pair of pictures to be looked into, pixel by pixel; the rest of it is viewer.js and what that uses.
 
 A picture goes into the page as the bits of its float32 numbers, so nothing is lost. Neighbours are alike, and
 so are A and B: what is stored is the second difference of the bits across the picture, or their difference from
