@@ -20,6 +20,7 @@ from typing import Any
 import click
 
 from whitted_validation import compare_command, picture_files, scene_files, validate_command
+from whitted_validation.benchmark import command as benchmark_command
 from whitted_validation.refusal import Refusal
 from whitted_validation.request import Request
 from whitted_validation.stress import command as stress_command
@@ -215,6 +216,7 @@ def doctor() -> None:
 
 validate_command.add_to(whitted, _defines, _folders)
 stress_command.add_to(whitted)
+benchmark_command.add_to(whitted)
 whitted.add_command(compare_command.compare)
 
 
