@@ -20,7 +20,15 @@ from whitted_reference.float32 import fma
 from whitted_validation import explain, scene_files
 from whitted_validation.cli import run
 from whitted_validation.explanation import report
-from whitted_validation.explanation.comparison import LONGEST_NAME, Pair, named, paired, partings
+from whitted_validation.explanation.comparison import (
+    LONGEST_NAME,
+    Pair,
+    growth,
+    named,
+    paired,
+    partings,
+    values,
+)
 from whitted_validation.explanation.drawing import WIDTH
 from whitted_validation.explanation.explanation import Explainer, Explanation
 from whitted_validation.explanation.labels import Labels
@@ -256,6 +264,26 @@ def test_angles_are_told_in_degrees(tmp_path: Path, llvm_ad_rgb: str) -> None:
     text = str(explain(scene(tmp_path, floor() + lamp("0, 3, 3")), 2, 2, variant=llvm_ad_rgb))
     assert "`lamp` is 45° above the horizon" in text
     assert "the eye is 90° in front of the plane of the surface (n.v = 1)" in text
+
+
+def test_how_far_a_texture_jumps_is_told(tmp_path: Path, llvm_ad_rgb: str) -> None:
+    board = '<texture type="checkerboard" name="diffuse_reflectance"/>'
+    paint = f'<bsdf type="blinnphong">{board}</bsdf>'
+    moved = FLOOR.format(paint=paint).replace('<scale value="9"/>', '<scale value="9"/><translate x="0.3" y="0.6"/>')
+    text = str(explain(scene(tmp_path, moved + lamp()), 2, 2, variant=llvm_ad_rgb))
+    assert f"the colour of `floor` jumps at {0.3 / 18:.3g} from here, in (u, v)" in text
+
+
+def test_the_value_at_which_the_error_grows_most_is_named() -> None:
+    found = growth([("t of ray 0", 0.7), ("p of ray 0", 3.0), ("k_d of ray 0", 3e6), ("colour of ray 0", 4e6)])
+    assert found == "The error grows most at k_d of ray 0: from 3 to 3e+06 ulp."
+
+
+def test_every_value_that_both_have_is_compared_in_the_order_of_tracing(llvm_ad_rgb: str) -> None:
+    (pair,) = explain("whitted_1980", 300, 260, variant=llvm_ad_rgb).samples
+    names = [name for name, _ in values(paired(*pair))]
+    assert names[:3] == ["o of ray 0", "d of ray 0", "t of ray 0"]
+    assert names.index("n.h of `lamp` of ray 0") < names.index("o of ray 1")
 
 
 # ----------------------------------------------------------------------------------------- the numbers

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_whitted.seen import LightSeen, RaySeen
-from whitted_reference.margins import passing
+from whitted_reference.margins import Place, passing
 from whitted_reference.shapes import Primitive
+from whitted_reference.textures import beyond_nearest_edge
 from whitted_reference.trace import Tracer
 from whitted_reference.vectors import dot
 from whitted_validation.explanation.comparison import named
@@ -43,6 +44,7 @@ class Closeness:
             if inside:
                 words = f"{named(ray.shape)} is met {inside[0]:.3g} inside its {inside[1]}"
                 yield Call(words, inside[0] / self._size)
+            yield from self._texture(ray)
         passed = self._passed(ray, ray.t, ray.shape)
         if passed:
             yield Call(f"{named(passed[0])} is passed at a distance of {passed[1]:.3g}", passed[1] / self._size)
@@ -50,6 +52,26 @@ class Closeness:
             n_v = -dot(_three(ray.n), _three(ray.d))
             side = "in front of" if n_v > 0 else "behind"
             yield Call(f"the eye is {_degrees(n_v)} {side} the plane of the surface (n.v = {n_v:.3g})", abs(n_v))
+
+    def _texture(self, ray: RaySeen) -> Iterator[Call]:
+        """Tell how far the next jump of colour is."""
+        met = [p for p in self._near(ray, 0.0) if p.surface.id == ray.shape]
+        meetings = [(abs(place.t - ray.t), p) for p in met for place in self._places(p, ray)]
+        if not meetings:
+            return
+        primitive = min(meetings, key=lambda meeting: meeting[0])[1]
+        e, d, p = _three(ray.o), _three(ray.d), _three(ray.p)
+        in_front = dot(primitive.normals(e, d, ray.t, p)[0], d) < 0
+        side = primitive.surface.front if in_front else primitive.surface.back
+        if side is None or side.constant is not None:
+            return
+        edge = beyond_nearest_edge(side.textures, *primitive.uv(e, d, ray.t, p))
+        if edge is not None:
+            yield Call(f"the colour of {named(ray.shape)} jumps at {edge[0]:.3g} from here, in (u, v)", edge[0])
+
+    def _places(self, primitive: Primitive, ray: RaySeen) -> Sequence[Place]:
+        how = passing(primitive, _three(ray.o), _three(ray.d))
+        return how.places if how is not None and how.distance >= 0 else ()
 
     def of_light(self, ray: RaySeen, light: LightSeen) -> Iterator[Call]:
         """Tell how nearly a light would have been seen, or not."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -140,6 +140,40 @@ def partings(rays: list[Ray]) -> Iterator[str]:
         if ours.goes_on != theirs.goes_on and (any(theirs.k_m) or any(ours.k_m)):
             who = "plugin" if ours.goes_on else "reference"
             yield f"{where} at {named(ours.shape)}: only the {who} follows the mirror ray"
+
+
+def values(rays: Sequence[Ray]) -> list[tuple[str, float]]:
+    """List every value that both programs have, in the order of tracing: its name, and how many ulp they are apart."""
+    found = []
+    for ray in rays:
+        pairs = [ray.pair(label, name) for label, name in _VALUES]
+        for ours, theirs in ray.lights:
+            if ours and theirs:
+                pairs += [light_pair(ours, theirs, f"{label} of {named(theirs.id)}", name) for label, name in _OF_LIGHT]
+        found += [(f"{pair.label} of ray {ray.any.k}", pair.ulps) for pair in pairs if not math.isnan(pair.ulps)]
+    return found
+
+
+def growth(apart_by: Sequence[tuple[str, float]]) -> str:
+    """Name the value whose error exceeds all before it by the greatest factor."""
+    largest, steps = 1.0, []
+    for where, apart in apart_by:
+        steps.append((apart / largest, f"The error grows most at {where}: from {largest:.2g} to {apart:.2g} ulp."))
+        largest = max(largest, apart)
+    return max(steps)[1]
+
+
+_VALUES = [
+    ("o", "o"),
+    ("d", "d"),
+    ("t", "t"),
+    ("p", "p"),
+    ("n", "n"),
+    ("k_a I_a", "ambient"),
+    ("k_d", "k_d"),
+    ("k_s", "k_s"),
+]
+_OF_LIGHT = [("l", "l"), ("n.l", "n_l"), ("n.h", "n_h"), ("colour", "colour")]
 
 
 LONGEST_NAME = 40

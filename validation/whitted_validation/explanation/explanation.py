@@ -17,7 +17,7 @@ from whitted_reference.image import DEEPEST, resized
 from whitted_reference.scene import Scene
 from whitted_validation.bounds import Bounds, measure
 from whitted_validation.explanation.closeness import Closeness
-from whitted_validation.explanation.comparison import Pair, Ray, light_pair, paired, partings
+from whitted_validation.explanation.comparison import Pair, growth, paired, partings, values
 from whitted_validation.explanation.reference_side import seen_by_reference
 from whitted_validation.explanation.story import story
 from whitted_validation.explanation.tree import Branch, alike, tree_of
@@ -156,14 +156,18 @@ class Explanation:
         if status == Status.EQUAL:
             told = [f"Yes. {apart}" if error else "Yes, to the last bit of float32."]
         else:
-            told = [f"No. {apart}", why(self.judgement.differences[0])]
+            told = [f"No. {apart}", f"{why(self.judgement.differences[0])} A is the plugin, B the reference."]
         parted = [words for ours, theirs in self.samples for words in partings(paired(ours, theirs))]
         if parted:
             return [*told, f"They part at {parted[0]}."]
-        first = next((where for pair in self.samples for where in _unequal(paired(*pair))), None)
+        apart_by = [value for pair in self.samples for value in values(paired(*pair))]
+        # Half an ulp is what writing a double as a float32 costs.
+        first = next((value for value in apart_by if value[1] > 0.5), None)
+        if first:
+            told.append(f"The first value that is not the same: {first[0]}, by {first[1]:.2g} ulp.")
         if first and status != Status.EQUAL:
-            told.append("Every decision is the same in both.")
-        return [*told, f"The first value that is not the same: {first}."] if first else told
+            told.append(f"Rays, sides and shadows are the same in both. {growth(apart_by)}")
+        return told
 
     def _close_calls(self) -> list[str]:
         calls = [
@@ -178,29 +182,12 @@ class Explanation:
         return [words for _, words in sorted(calls)[:MOST_CALLS]] or ["Nothing is near."]
 
 
-def _unequal(rays: Sequence[Ray]) -> list[str]:
-    """Name every value that is off by more than half an ulp, in the order of tracing."""
-    found = []
-    for ray in rays:
-        pairs = [ray.pair(label, name) for label, name in _VALUES]
-        for ours, theirs in ray.lights:
-            if ours and theirs:
-                pairs += [light_pair(ours, theirs, f"{label} of `{theirs.id}`", name) for label, name in _OF_LIGHT]
-        # Half an ulp is what writing a double as a float32 costs.
-        found += [f"{pair.label} of ray {ray.any.k}, by {pair.ulps:.2g} ulp" for pair in pairs if pair.ulps > 0.5]
-    return found
-
-
 def cut_out(judgement: Judgement, x: int, y: int) -> Judgement:
     """Return what a judgement says of one pixel."""
     one = np.s_[y : y + 1, x : x + 1]
     bounds = replace(judgement.bounds, **{f.name: getattr(judgement.bounds, f.name)[one] for f in fields(Bounds)})
     differences = [d for d in judgement.differences if (d.x, d.y) == (x, y)]
     return Judgement(judgement.picture[one], bounds, judgement.status[one], differences)
-
-
-_VALUES = [("o", "o"), ("d", "d"), ("t", "t"), ("p", "p"), ("n", "n"), ("k_a I_a", "ambient")]
-_OF_LIGHT = [("l", "l"), ("n.l", "n_l"), ("n.h", "n_h"), ("the colour", "colour")]
 
 
 class Explainer:

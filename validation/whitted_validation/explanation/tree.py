@@ -74,6 +74,9 @@ def _shading(ray: Ray, closeness: Closeness) -> Iterator[Pair | Branch | str]:
         yield ray.pair("background" if ray.any.shape is None else "emitted", "emitted")
     if any(side.lit for side in sides):
         yield ray.pair("ambient k_a I_a", "ambient")
+        for name in ("k_d", "k_s"):
+            if any(any(getattr(side, name)) for side in sides):
+                yield ray.pair(name, name)
         lights = ray.lights
         if len(lights) > MOST_LIGHTS:
             lights = sorted(lights, key=lambda pair: -sum((pair[1] or pair[0]).colour))  # type: ignore[union-attr]
