@@ -167,7 +167,7 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
                 visible = facing
                 if plan.shadows:
                     shadow_ray = _shadow_ray(stage, plan, hit, n_g, light)
-                    visible &= stage.surfaces.blocked(shadow_ray, facing, plan.inside) ^ True
+                    visible = facing & (stage.surfaces.blocked(shadow_ray, facing, plan.inside) ^ True)
                 return dr.select(visible, f * light.colour, 0), visible
 
             # A branch: a vector of rays does nothing of this where the light is below the horizon of all of them.
