@@ -25,11 +25,13 @@ function ramp(share) {
   return RAMP[k].map((from, c) => from + (at - k) * (RAMP[k + 1][c] - from));
 }
 
-/** The ends of the error scale as powers of ten: what float32 can show, up to the largest finite error. */
+/** The ends of the error scale as powers of ten: what float32 can show, up to the largest finite error that is equal. */
 function scaleOf(pair, unit) {
   const errors = unit === "ulp" ? pair.worstUlps : pair.worst;
   let largest = 0;
-  for (const error of errors) if (Number.isFinite(error) && error > largest) largest = error;
+  errors.forEach((error, i) => {
+    if (Number.isFinite(error) && !pair.status?.[i] && error > largest) largest = error;
+  });
   const [low, high] = unit === "ulp" ? [-1, 3] : [-9, -3];
   return [low, Math.max(high, Math.ceil(Math.log10(largest || 1e-300)))];
 }
@@ -165,8 +167,8 @@ function drawLine(context, { tall }, line) {
 function drawScale(viewer) {
   const [low, high] = scaleOf(viewer.pair, viewer.unit);
   const unit = viewer.unit === "ulp" ? " ulp" : "";
-  viewer.find(".low").textContent = `black: 0. ${(10 ** low).toExponential(0)}${unit}`;
-  viewer.find(".high").textContent = `${(10 ** high).toExponential(0)}${unit}`;
+  viewer.find(".low").textContent = `black: 0. 10^${low}${unit}`.replace("^-", "^−");
+  viewer.find(".high").textContent = `10^${high}${unit} and more`.replace("^-", "^−");
   const context = viewer.find(".ramp").getContext("2d");
   for (let x = 0; x < 256; x++) {
     context.fillStyle = `rgb(${ramp(x / 255)})`;
