@@ -491,4 +491,4 @@ def test_the_report_of_validate_explains_what_differs_and_some_of_the_rest(tmp_p
     assert {"1,1", "4,3", "7,5"} <= set(found)
     colour = verdict.judgement.picture[3, 4]
     assert " ".join(f"{c:>14.9g}" for c in colour) in found["4,3"]
-    assert report.explained(dataclasses.replace(verdict, against="a.exr"), request, None) == {}
+    assert report.explained(dataclasses.replace(verdict, against="a.exr", variant=""), request, None) == {}
