@@ -238,10 +238,10 @@ PLUGIN: dict[str, Patch] = {
     "highlight a thousandth brighter": replaced(precise, "specular_power", lambda f: lambda *a: 1.001 * f(*a)),
     "no shadow rays": replaced(Surfaces, "blocked", lambda _: lambda *a: mi.Bool(False)),
     "no shadow from the sun": replaced(
-        Surfaces, "blocked", lambda f: lambda self, ray, active: f(self, ray, active) & (ray.maxt < dr.inf)
+        Surfaces, "blocked", lambda f: lambda self, ray, *a: f(self, ray, *a) & (ray.end < dr.inf)
     ),
     "no shadow from the lamps": replaced(
-        Surfaces, "blocked", lambda f: lambda self, ray, active: f(self, ray, active) & (ray.maxt == dr.inf)
+        Surfaces, "blocked", lambda f: lambda self, ray, *a: f(self, ray, *a) & (ray.end == dr.inf)
     ),
     "rays start a hundredth off": replaced(
         precise, "ray_offset", lambda f: lambda n, d, *a: (dr.select(dr.dot(n, d) < 0, -0.01, 0.01) * n, mi.Float(0.01))
