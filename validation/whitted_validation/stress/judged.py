@@ -11,7 +11,7 @@ import numpy as np
 
 from whitted_validation.stress.case import Case, Outcome, limited, percent
 from whitted_validation.stress.geometry import triple
-from whitted_validation.stress.pictures import FAR_OFF, compared, drawn, is_explained, verdict
+from whitted_validation.stress.pictures import FAR_OFF, compared, drawn, is_explained, judged, verdict
 from whitted_validation.stress.trial import Array, Trial
 
 Check = Callable[[Array, Any], bool]  # of the picture and the reference's bounds
@@ -123,8 +123,7 @@ def _judged(trial: Trial, text: str, check: Check) -> Outcome:
     values["as it must be seen"] = check(picture, bounds)
     values["loose"], values["chaotic"] = int(bounds.loose.sum()), int(bounds.chaotic.sum())
     good = is_explained(values) and values["as it must be seen"]
-    figure = percent(values["off"] / values["pixels"])
-    return Outcome(good, figure, values)
+    return judged(values, good)
 
 
 def _twice(trial: Trial, body: str) -> Outcome:

@@ -11,14 +11,17 @@ results.json, besides what every command writes
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from whitted_validation import report
 from whitted_validation.report.charts import Chart
-from whitted_validation.report.sections import Cell, Group, Picture, Section, Sentence, Table, Tone
-from whitted_validation.stress.policies import EPSILONS, OURS, POLICIES, SPAWN_RAY
+from whitted_validation.report.sections import Cell, Group, Markup, Picture, Section, Sentence, Table, Tone
+from whitted_validation.stress.case import Outcome
+from whitted_validation.stress.policies import EPSILONS, POLICIES, SPAWN_RAY
 from whitted_validation.stress.run import Result, as_facts
+
+STYLE = ".side-by-side { display: flex; flex-wrap: wrap; gap: 1rem } .side-by-side figure { margin: 0 }"
 
 
 def write(folder: Path, results: Sequence[Result], expected: int, quick: bool, complete: bool) -> None:
@@ -30,7 +33,7 @@ def write(folder: Path, results: Sequence[Result], expected: int, quick: bool, c
         "expected": expected,
         "cases": [as_facts(result) for result in results],
     }
-    report.write(folder, facts, "whitted stress", sections(results, expected))
+    report.write(folder, facts, "whitted stress", sections(results, expected), STYLE)
 
 
 def heading() -> str:
@@ -45,18 +48,25 @@ def row(result: Result) -> str:
 
 
 def _line(name: str, cells: Sequence[str]) -> str:
-    return f"{name:<38}" + "".join(f"{cell:>10}" for cell in cells)
+    return f"{name:<38}" + "".join(
+        f"{cell:>{max(10, len(policy.name) + 2)}}" for cell, policy in zip(cells, POLICIES, strict=True)
+    )
 
 
 def summary(results: Sequence[Result], expected: int) -> str:
     """Say in one sentence what came out."""
     held = sum(result.holds for result in results)
     missing = "" if len(results) == expected else f"; {expected - len(results)} cases are missing"
-    others = []
-    for policy in (*EPSILONS, SPAWN_RAY):
-        tried = [result.outcomes[policy.name] for result in results if policy.name in result.outcomes]
-        others.append(f"{policy.name} {sum(outcome.holds for outcome in tried)} of {len(tried)}")
-    return f"{held} of {len(results)} statements hold for the plugin{missing}. The others: {', '.join(others)}."
+    tried = {policy.name: _held(results, policy.name) for policy in (*EPSILONS, SPAWN_RAY)}
+    most = max(count for _, count in tried.values())
+    others = ", ".join(f"{name} {number}" for name, (number, _) in tried.items())
+    return f"{held} of {len(results)} statements hold for the plugin{missing}. Of the {most} that others try: {others}."
+
+
+def _held(results: Sequence[Result], policy: str) -> tuple[int, int]:
+    """Count the statements that hold for a policy, and those that were tried."""
+    tried = [result.outcomes[policy].holds for result in results if policy in result.outcomes]
+    return sum(tried), len(tried)
 
 
 def sections(results: Sequence[Result], expected: int) -> list[Section]:
@@ -70,12 +80,28 @@ def sections(results: Sequence[Result], expected: int) -> list[Section]:
             "far each policy of leaving a surface is from it. Red: the statement does not hold."
         ),
     ]
-    for family in dict.fromkeys(result.case.family for result in results):
-        parts.append(_family(family, [result for result in results if result.case.family == family]))
+    families = {
+        family: [result for result in results if result.case.family == family]
+        for family in dict.fromkeys(result.case.family for result in results)
+    }
+    parts.append(_overview(families))
     chart = _curves(results)
     if chart is not None:
         parts.append(Group("Error against epsilon", (chart,)))
+    parts += [_family(family, those) for family, those in families.items()]
     return parts
+
+
+def _overview(families: Mapping[str, Sequence[Result]]) -> Table:
+    """Count the statements that hold: families by policies."""
+    rows = []
+    for family, results in families.items():
+        row: list[str | Cell] = [Cell(family, to=family.capitalize())]
+        for policy in POLICIES:
+            held, tried = _held(results, policy.name)
+            row.append(Cell(f"{held} of {tried}", "" if held == tried else "bad") if tried else "")
+        rows.append(row)
+    return Table(["statements that hold", *(policy.name for policy in POLICIES)], rows)
 
 
 def _family(family: str, results: Sequence[Result]) -> Group:
@@ -87,22 +113,25 @@ def _family(family: str, results: Sequence[Result]) -> Group:
         )
     statements = dict.fromkeys(result.case.statement for result in results)
     told = [
-        Sentence(f"{result.case.name}, plugin: {', '.join(f'{k} {v}' for k, v in _values(result))}", "bad")
+        Sentence(f"{result.case.name}, {policy.name}: {_words(result.outcomes[policy.name])}", "bad")
         for result in results
-        if not result.holds
+        for policy in POLICIES
+        if policy.is_ours and policy.name in result.outcomes and not result.outcomes[policy.name].holds
     ]
     table = Table(["case", *(policy.name for policy in POLICIES)], rows)
-    pictures = [
-        Picture(picture, caption)
+    pictures = "".join(
+        Picture(picture, caption).html()
         for result in results
         for outcome in result.outcomes.values()
         for caption, picture in outcome.pictures.items()
-    ]
-    return Group(family.capitalize(), (*(Sentence(f"Holds: {text}.") for text in statements), table, *told, *pictures))
+    )
+    side_by_side = [Markup(f'<div class="side-by-side">{pictures}</div>')] if pictures else []
+    holds = (Sentence(f"Holds: {text}.") for text in statements)
+    return Group(family.capitalize(), (*holds, table, *told, *side_by_side))
 
 
-def _values(result: Result) -> list[tuple[str, object]]:
-    return list(result.outcomes[OURS.name].values.items())
+def _words(outcome: Outcome) -> str:
+    return ", ".join(f"{name} {value}" for name, value in outcome.values.items())
 
 
 def _curves(results: Sequence[Result]) -> Chart | None:

@@ -118,8 +118,10 @@ def is_explained(values: dict[str, Any]) -> bool:
     return bool(values.get("unexplained", values["beyond their bounds"]) == 0)
 
 
-def _outcome(values: dict[str, Any], holds: bool) -> Outcome:
-    return Outcome(holds, percent(values["off"] / values["pixels"]), values)
+def judged(values: dict[str, Any], holds: bool) -> Outcome:
+    """Make an outcome of the numbers of `verdict`; if all that is wrong is small, the table says that."""
+    is_small = values["off"] == 0 and not holds
+    return Outcome(holds, f"<{FAR_OFF:.0e}" if is_small else percent(values["off"] / values["pixels"]), values)
 
 
 def _size(trial: Trial) -> tuple[int, int]:
@@ -137,7 +139,7 @@ def _scaled(trial: Trial, name: str, scale: float, linear: Any) -> Outcome:
         and values.get("off and not flagged", values["off"]) == 0
         and values.get("largest of equal", 0.0) <= LARGEST_ERROR
     )
-    return _outcome(values, good)
+    return judged(values, good)
 
 
 def _moved(trial: Trial, name: str, distance: float, demanded: bool = True) -> Outcome:
@@ -157,4 +159,4 @@ def _moved(trial: Trial, name: str, distance: float, demanded: bool = True) -> O
             "input alone: off": int((lost > FAR_OFF).sum()),
             "tracer alone: median": float(np.median(tracer)),
         }
-    return _outcome(values, not demanded or is_explained(values))
+    return judged(values, not demanded or is_explained(values))

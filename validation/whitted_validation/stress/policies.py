@@ -1,7 +1,10 @@
 """Ways for a ray to leave the surface that it starts from without meeting it again.
 
 ours
-    the plugin as it is: hits computed anew, starts as far off as rounding demands there (``precise``).
+    the plugin as it is.
+ours, Embree
+    the plugin as it is where a scene holds many shapes: it tries few spheres and planes one by one, and asks
+    Embree for all others, from a start as far off as rounding demands there. Here it asks Embree for all.
 eps 1e-6 ... eps 1e-1
     the textbook's constant, through the plugin's own parameter `epsilon`: whatever is nearer does not count.
 spawn_ray
@@ -33,16 +36,13 @@ class Policy:
     ----------
     epsilon : the plugin's parameter, in world units; None leaves it unset
     patches : makes the functions that replace the plugin's own; called once a variant is set
+    is_ours : whether this is the plugin's own arithmetic, of which all statements are demanded
     """
 
     name: str
     epsilon: float | None = None
     patches: Callable[[], Patches] = list
-
-    @property
-    def is_ours(self) -> bool:
-        """Tell whether the plugin stays as it is."""
-        return self.epsilon is None and self.patches is list
+    is_ours: bool = False
 
     @contextmanager
     def installed(self) -> Iterator[None]:
@@ -53,11 +53,20 @@ class Policy:
             yield
 
 
+def _by_embree() -> Patches:
+    from mitsuba_whitted import surfaces
+
+    return [(surfaces, "few_of", lambda _rows, _instanced: [])]
+
+
 def _spawn_ray() -> Patches:
     import drjit as dr
     import mitsuba as mi
+    import numpy as np
 
-    from mitsuba_whitted import precise, trace
+    from mitsuba_whitted import precise, surfaces, trace
+    from mitsuba_whitted.accel import Accel
+    from mitsuba_whitted.ray import NOTHING, Ray
     from mitsuba_whitted.surfaces import Hit, Surfaces
 
     load_dict = mi.load_dict
@@ -67,45 +76,61 @@ def _spawn_ray() -> Patches:
             description = {k: v for k, v in description.items() if k != "embree_use_robust_intersections"}
         return load_dict(description, *args, **kwargs)
 
-    def hit(self: Any, pi: Any, ray: Any, _o: Any, _with_uv: bool) -> Any:
-        valid = pi.is_valid()
-        si = pi.compute_surface_interaction(ray, mi.RayFlags.All, valid)
-        # `reach` carries to `ray_offset` what that policy wants to know: the point.
-        reach = mi.Vector3f(dr.abs(si.p))
-        return Hit(self.accel.met(pi, valid).shape, si.p, mi.Normal3f(si.sh_frame.n), si.n, si.uv, reach)
+    def first(self: Any, ray: Any, found: Any, active: Any, _inside: bool) -> Any:
+        shifted, lead = ray.from_shifted()
+        pi = self._scene.ray_intersect_preliminary(shifted, active=active)
+        self.asked = shifted, pi  # for `hit`, which comes next
+        nearer = active & pi.is_valid()
+        return found.or_nearer(nearer, pi.t + lead, *self._met(pi, nearer))
 
-    def ray_offset(n_g: Any, d: Any, reach: Any, _least: Any) -> tuple[Any, Any]:
-        length = (1 + dr.max(reach)) * RAY_EPSILON
-        return dr.select(dr.dot(n_g, d) < 0, -length, length) * n_g, length
+    def hit(self: Any, found: Any, _ray: Any, _with_uv: bool) -> Any:
+        ray, pi = self._searches[0].asked
+        si = pi.compute_surface_interaction(ray, mi.RayFlags.All, found.valid)
+        return Hit(found.shape, si.p, mi.Normal3f(si.sh_frame.n), si.n, si.uv, mi.Vector3f(0))
 
-    def shadow_ray(_stage: Any, _plan: Any, found: Any, n_g: Any, light: Any) -> Any:
-        shift, _ = ray_offset(n_g, light.l, found.reach, None)
-        there = light.distance * light.l - shift
+    def spawned(p: Any, n_g: Any, d: Any) -> Any:
+        length = (1 + dr.max(dr.abs(p))) * RAY_EPSILON
+        return p + dr.select(dr.dot(n_g, d) < 0, -length, length) * n_g
+
+    def ray_from(o: Any, d: Any, end: Any) -> Any:
+        return Ray(mi.Point3f(o), mi.Vector3f(d), mi.Float(0), mi.Float(end), mi.Vector3f(0), mi.UInt32(NOTHING))
+
+    def leaving(_stage: Any, _plan: Any, hit: Any, n_g: Any, d: Any, end: Any) -> Any:
+        return ray_from(spawned(hit.p, n_g, d), d, end)
+
+    def shadow_ray(_stage: Any, _plan: Any, hit: Any, n_g: Any, light: Any) -> Any:
+        o = spawned(hit.p, n_g, light.l)
+        there = hit.p + light.distance * light.l - o
         length = dr.norm(there)
         is_near = light.distance < dr.inf
-        d = dr.select(is_near, there / length, light.l)
-        end = dr.select(is_near, length * (1 - SHADOW_EPSILON), dr.inf)
-        o = mi.Point3f(found.p + shift)
-        return mi.Ray3f(o, mi.Vector3f(d), mi.Float(end), 0, [])  # type: ignore[call-overload]  # stub without rgb
+        return ray_from(
+            o,
+            dr.select(is_near, there / length, light.l),
+            dr.select(is_near, length * (1 - SHADOW_EPSILON), dr.inf),
+        )
 
-    def blocked(self: Any, ray: Any, active: Any) -> Any:
-        return self.accel.any_hit(ray, active)
+    def blocked(self: Any, ray: Any, active: Any, _inside: bool) -> Any:
+        return self._scene.ray_test(ray.from_shifted()[0], active=active)
 
     def specular_power(n: Any, h: Any, exponent: Any) -> Any:
         n_h = dr.dot(n, h)
         return dr.select(n_h > 0, dr.power(dr.maximum(n_h, 0), exponent), 0)
 
     return [
+        *_by_embree(),
+        (surfaces, "centre_of", lambda _graph: np.zeros(3)),
         (mi, "load_dict", without_flag),
+        (Accel, "first", first),
+        (Accel, "blocked", blocked),
         (Surfaces, "hit", hit),
-        (precise, "ray_offset", ray_offset),
-        (precise, "specular_power", specular_power),
+        (trace, "_leaving", leaving),
         (trace, "_shadow_ray", shadow_ray),
-        (Surfaces, "blocked", blocked),
+        (precise, "specular_power", specular_power),
     ]
 
 
-OURS = Policy("ours")
+OURS = Policy("ours", is_ours=True)
+BY_EMBREE = Policy("ours, Embree", patches=_by_embree, is_ours=True)
 SPAWN_RAY = Policy("spawn_ray", patches=_spawn_ray)
 EPSILONS = tuple(Policy(f"eps 1e-{digits}", epsilon=10.0**-digits) for digits in range(6, 0, -1))
-POLICIES = (*EPSILONS, SPAWN_RAY, OURS)
+POLICIES = (*EPSILONS, SPAWN_RAY, BY_EMBREE, OURS)

@@ -90,26 +90,23 @@ class Trial:
         import drjit as dr
         import mitsuba as mi
 
-        from mitsuba_whitted.camera import Rays
+        from mitsuba_whitted.camera import any_ray
+        from mitsuba_whitted.plan import plan_of
         from mitsuba_whitted.trace import trace
 
+        stage = scene.integrator()._set(scene)
+        centre = stage.surfaces.centre
         points: list[Array] = []
         found: list[NDArray[np.bool_]] = []
 
         def note(what: str, **values: Any) -> None:
             if what == "surface":
-                points.append(np.array(mi.Vector3f(values["p"]), np.float64).T)
+                points.append(np.array(mi.Vector3f(values["p"]), np.float64).T + centre)
                 found.append(np.array(values["found"]))
 
-        stage, plan = scene.integrator()._prepare(scene)
-        rays = Rays(
-            mi.Point3f(o.T.astype(np.float32)),
-            mi.Vector3f(d.T.astype(np.float32)),
-            mi.Vector3f(0),
-            mi.Float(dr.inf),
-        )
+        ray = mi.Ray3f(mi.Point3f(o.T.astype(np.float32)), mi.Vector3f(d.T.astype(np.float32)))
         with dr.scoped_set_flag(dr.JitFlag.SymbolicLoops, False):
-            trace(stage, plan, rays, True, note)
+            trace(stage, plan_of(stage), any_ray(ray, stage.surfaces.origin), True, note)
         return points, found
 
     def draw(self, scene: Any) -> Array:
