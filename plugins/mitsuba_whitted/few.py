@@ -48,6 +48,12 @@ class _Numbers(NamedTuple):
     y_axis: Any
     r: Any
 
+    @staticmethod
+    def of(row: Row) -> _Numbers:
+        """Take them from a row."""
+        a, b, x_axis, y_axis = (mi.Vector3f(*vector.tolist()) for vector in (row.a, row.b, *row.to_local[:2]))
+        return _Numbers(*opaque([a, b, x_axis, y_axis, mi.Float(row.r)]))
+
 
 class Few:
     """Spheres, rectangles and disks of a scene, each with its number in the scene's tables."""
@@ -55,12 +61,7 @@ class Few:
     def __init__(self, rows: dict[int, Row]) -> None:
         self.numbers = list(rows)
         self._kinds = {number: row.kind for number, row in rows.items()}
-        self._numbers = {
-            number: _Numbers(
-                *(opaque(mi.Vector3f(*v.tolist())) for v in (row.a, row.b, *row.to_local[:2])), opaque(mi.Float(row.r))
-            )
-            for number, row in rows.items()
-        }
+        self._numbers = {number: _Numbers.of(row) for number, row in rows.items()}
         self.casters = set(rows)
         """Numbers of those that can block a light: see `casters`."""
 

@@ -171,7 +171,7 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
                 return dr.select(visible, f * light.colour, 0), visible
 
             # A branch: a vector of rays does nothing of this where the light is below the horizon of all of them.
-            added, visible = dr.if_stmt((), facing, shine, lambda: (mi.Spectrum(0), mi.Bool(False)), label="light")
+            added, visible = dr.if_stmt((), facing, shine, _dark, label="light")
             note("shadow ray", ray=_shadow_ray(stage, plan, hit, n_g, light))
             note("light", light=light, facing=facing, visible=visible, colour=added)
             return added, dr.select(facing, mi.UInt32(1), mi.UInt32(0)) if plan.shadows else mi.UInt32(0)
@@ -202,6 +202,11 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
         mirror_rays=chain.mirror_rays + dr.select(goes_on, mi.UInt32(1), mi.UInt32(0)),
         active=goes_on,
     )
+
+
+def _dark() -> tuple[Any, Any]:
+    """Add nothing for a light that is below the horizon."""
+    return mi.Spectrum(0), mi.Bool(False)
 
 
 def _shadow_ray(stage: Stage, plan: Plan, hit: Hit, n_g: Any, light: Sample) -> Ray:
