@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import drjit as dr
 import mitsuba as mi
@@ -17,7 +17,7 @@ from mitsuba_whitted.tables import column, fetch, index_column
 TEXTURES = ("BitmapTexture", "Checkerboard")
 """Beginnings of the class names of textures that depend on (u, v) alone; constant ones are allowed besides."""
 
-Scaled = tuple[mi.Texture, float]
+Scaled: TypeAlias = "tuple[mi.Texture, float]"
 """A texture, and the number that its values are multiplied by."""
 
 

@@ -38,7 +38,7 @@ class Plan:
     shadows: bool = _part("shadow rays", "no light, nothing that could block it, or switched off")
     casting: tuple[str, ...] = _part("of those tried one by one, shadows of {}", "none of them could block a light")
     inverse_square: bool = _part("falloff with the squared distance", "no point or spot light, or switched off")
-    mirrors: bool = _part("the loop over mirror bounces", "no surface with k_m, or switched off")
+    mirrors: bool = _part("the loop over mirror bounces", "no surface with k_m, nothing to be seen, or switched off")
     epsilon: bool = _part("the textbook's epsilon", "rays start where rounding demands")
 
     def __str__(self) -> str:
@@ -61,6 +61,8 @@ def plan_of(stage: Stage, camera: Camera | None = None) -> Plan:
     diffuse = settings.enable_diffuse and materials.k_d.present
     specular = settings.enable_specular and materials.k_s.present
     lights = tuple(lights.described() for lights in stage.lights) if diffuse or specular else ()
+    ambient = settings.enable_ambient and any(settings.ambient) and materials.k_a.present
+    emission, background = stage.emission.present, stage.environment is not None
     casters = surfaces.few.casters
     shadows = bool(lights) and settings.enable_shadows and (surfaces.searched or bool(casters))
     coefficients = [materials.k_d, materials.k_s, materials.k_m, materials.k_a, materials.exponent]
@@ -73,16 +75,16 @@ def plan_of(stage: Stage, camera: Camera | None = None) -> Plan:
         instances=surfaces.instances is not None,
         textured=any(k.textures for k in [*coefficients, stage.emission]),
         two_sided=materials.two_sided,
-        emission=stage.emission.present,
-        background=stage.environment is not None,
-        ambient=settings.enable_ambient and any(settings.ambient) and materials.k_a.present,
+        emission=emission,
+        background=background,
+        ambient=ambient,
         diffuse=bool(lights) and diffuse,
         specular=bool(lights) and specular,
         lights=lights,
         shadows=shadows,
         casting=surfaces.few.described(casters) if shadows else (),
         inverse_square=settings.falloff == "inverse_square" and any("directional" not in kind for kind in lights),
-        mirrors=settings.enable_mirrors and materials.k_m.present,
+        mirrors=settings.enable_mirrors and materials.k_m.present and bool(lights or ambient or emission or background),
         epsilon=settings.epsilon is not None,
     )
 
