@@ -17,7 +17,9 @@ import pytest
 
 import whitted_reference
 from whitted_reference.float32 import fma
+from whitted_reference.scene import Sphere
 from whitted_validation import explain, scene_files
+from whitted_validation.bounds import Bounds
 from whitted_validation.cli import run
 from whitted_validation.explanation import report
 from whitted_validation.explanation.comparison import (
@@ -30,14 +32,14 @@ from whitted_validation.explanation.comparison import (
     values,
 )
 from whitted_validation.explanation.drawing import WIDTH
-from whitted_validation.explanation.explanation import Explainer, Explanation
+from whitted_validation.explanation.explanation import Explainer, Explanation, cut_out
 from whitted_validation.explanation.labels import Labels
 from whitted_validation.explanation.outlines import hull, outlines
 from whitted_validation.explanation.terminal import WIDTH as COLUMNS
 from whitted_validation.refusal import Refusal
 from whitted_validation.request import Request
 from whitted_validation.validation import validate
-from whitted_validation.verdict import Status
+from whitted_validation.verdict import Difference, Judgement, Status
 
 FLOOR = '<shape type="rectangle" id="floor"><transform name="to_world"><scale value="9"/></transform>{paint}</shape>'
 PAINT = '<bsdf type="blinnphong"><rgb name="diffuse_reflectance" value="0.5, 0.25, 0.125"/>{more}</bsdf>'
@@ -137,6 +139,7 @@ def test_what_lights_add_is_part_of_what_the_ray_adds(llvm_ad_rgb: str) -> None:
     (sample,) = loaded.integrator().explain(loaded, 200, 300, spp=1).samples
     (ray,) = sample.rays
     assert [light.blocked_by for light in ray.lights] == [None, None, "ball"]
+    assert ray.emitted == (0.0, 0.0, 0.0)
     total = np.array(ray.ambient, np.float32)
     by_kind = [light.colour for light in ray.lights if math.isfinite(light.distance)]
     for colours in (by_kind, [light.colour for light in ray.lights if math.isinf(light.distance)]):
@@ -235,11 +238,12 @@ def test_where_the_programs_part_is_said_in_words(tmp_path: Path, llvm_ad_rgb: s
 def test_after_the_parting_each_program_goes_alone(tmp_path: Path, llvm_ad_rgb: str) -> None:
     mirror = floor('<float name="mirror_reflectance" value="0.5"/>')
     (ours,), (theirs,) = (
-        explain(scene(tmp_path, body), 2, 2, variant=llvm_ad_rgb).reference.samples for body in (BALL, mirror + BALL)
+        explain(scene(tmp_path, body), 2, 2, variant=llvm_ad_rgb).reference.samples
+        for body in (mirror.replace('"floor"', '"roof"'), mirror)
     )
     rays = paired(ours, theirs)
-    assert [[name for name, _ in ray.sides] for ray in rays] == [["plugin", "reference"], ["reference"]]
-    assert list(partings(rays)) == ["ray 0: the plugin meets nothing, the reference `floor`"]
+    assert [[name for name, _ in ray.sides] for ray in rays] == [["plugin", "reference"], ["plugin"], ["reference"]]
+    assert list(partings(rays)) == ["ray 0: the plugin meets `roof`, the reference `floor`"]
 
 
 @pytest.mark.parametrize(
@@ -367,7 +371,7 @@ def test_names_are_quoted_and_cut() -> None:
 
 @pytest.mark.parametrize("name", ["many_spheres", "smooth_mesh", "hall_of_mirrors"])
 def test_the_drawing_of_a_large_scene_stays_small_and_in_its_frame(llvm_ad_rgb: str, name: str) -> None:
-    drawing = explain(name, 256, 300, variant=llvm_ad_rgb).drawing()
+    drawing = explain(name, 256, 256, variant=llvm_ad_rgb).drawing()
     assert len(drawing) < 100_000
     root = ET.fromstring(drawing)
     for svg in root.iter("svg"):
@@ -403,7 +407,8 @@ def test_the_outline_of_a_ball_is_its_radius_away_under_any_placement() -> None:
     """An outline point along w is farthest there: w.x = |P^T w|, the support function of P applied to the ball."""
     scene_ = whitted_reference.load(scene_files.find("instances"))
     axes = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0][:2]
-    balls = [s for s in scene_.shapes if type(s).__name__ == "Sphere"]
+    balls = [s for s in whitted_reference.load(scene_files.find("many_spheres")).shapes if isinstance(s, Sphere)]
+    assert {ball.radius for ball in balls} - {1.0}
     rounding = 64 * 2.0**-53
     for ball, outline in zip(balls, outlines(balls, axes), strict=True):
         off = np.linalg.norm(outline.rings[0] - axes @ np.array(ball.centre), axis=1)
@@ -492,3 +497,18 @@ def test_the_report_of_validate_explains_what_differs_and_some_of_the_rest(tmp_p
     colour = verdict.judgement.picture[3, 4]
     assert " ".join(f"{c:>14.9g}" for c in colour) in found["4,3"]
     assert report.explained(dataclasses.replace(verdict, against="a.exr", variant=""), request, None) == {}
+
+
+def test_the_worst_pixels_are_explained_first() -> None:
+    bounds = Bounds(
+        *(np.zeros((30, 40, *more)) for more in ((3,), (3,), *[()] * (len(dataclasses.fields(Bounds)) - 2)))
+    )
+    places = [(i % 40, 3 * (i // 40)) for i in range(100)]
+    differences = [Difference(x, y, Status.UNEXPLAINED, 1.0, 0.0, (), 1, True) for x, y in places]
+    judgement = Judgement(np.zeros((30, 40, 3)), bounds, np.zeros((30, 40), np.uint8), differences)
+    chosen = list(report._chosen(judgement))
+    assert chosen[: report.MOST_UNEQUAL] == places[: report.MOST_UNEQUAL]
+    assert len(chosen) == report.MOST_UNEQUAL + report.TYPICAL**2
+    cut = cut_out(judgement, *places[2])
+    assert cut.differences == differences[2:3]
+    assert cut.picture.shape == cut.bounds.bound.shape == (1, 1, 3)

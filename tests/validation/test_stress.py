@@ -321,6 +321,17 @@ def test_an_error_is_a_failure_that_says_what_it_was(llvm_ad_rgb: str, few: Any,
     assert "<b>no" not in (tmp_path / "report.html").read_text()
 
 
+def test_the_page_tells_the_loss_of_the_input_from_that_of_the_tracer(
+    llvm_ad_rgb: str, few: Any, tmp_path: Path
+) -> None:
+    off = {f"{who} alone: {what}": 17 for who in ("input", "tracer") for what in ("off", "median")}
+    few(made("a million away", lambda _: Outcome(True, "0", off)))
+    assert stressed("--report", str(tmp_path)) == 0
+    page = (tmp_path / "report.html").read_text()
+    assert "input alone: median" in page
+    assert "17" in page
+
+
 def test_finished_cases_survive_an_interruption(llvm_ad_rgb: str, few: Any, tmp_path: Path) -> None:
     def interrupted(_: Any) -> Outcome:
         raise KeyboardInterrupt

@@ -59,6 +59,8 @@ def speed(quick: bool, report: str | None) -> None:
             shown = len(rows)
             save()
         save()
+    if quick:
+        click.echo("A quick look at small pictures; the targets are those of the full measurement:")
     for outcome in outcomes(results):
         measured = f": {outcome.measured}" if outcome.measured else ""
         click.echo(f"{outcome.verdict:<13} {outcome.target.replace('`', '')}{measured}")

@@ -105,7 +105,7 @@ class Limit:
         for way in self._directions:
             ask(way, si.spawn_ray(mi.Vector3f(dr.normalize(way))))
 
-        r = mi.Vector3f(d - 2 * (d @ n) * n)
+        r: Any = mi.Vector3f(d - 2 * dr.dot(d, n) * n)
         goes_on = lit & (sided.y != 0) & (dr.dot(n_g, r) > 0)
         mirrored = si.spawn_ray(r)
         mirror = mirror + dr.select(goes_on, mi.UInt32(1), 0)

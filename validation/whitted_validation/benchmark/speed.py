@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import os
 import shutil
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
@@ -15,6 +16,7 @@ import numpy as np
 from whitted_validation import random_scenes
 from whitted_validation.benchmark import scenes
 from whitted_validation.benchmark.speed_configurations import BY_NAME, CONFIGURATIONS, PLANNED, Unavailable
+from whitted_validation.benchmark.speed_memory import SIDE, Large, draw_large
 from whitted_validation.benchmark.speed_pairs import Comparison, compare
 from whitted_validation.benchmark.speed_start import Start, start
 from whitted_validation.benchmark.speed_worker import Facts, Failed, Worker
@@ -41,6 +43,7 @@ class Schedule:
     random : how many scenes of `random_scenes`, planned against general
     sizes : for memory, scene a
     starts : pairs of whole processes, cold and warm
+    large : whether the largest picture is drawn too
     """
 
     names: dict[str, tuple[str, ...]]
@@ -50,10 +53,17 @@ class Schedule:
     random: int
     sizes: tuple[int, ...]
     starts: dict[str, int]
+    large: bool
 
     def count(self) -> int:
         """Count the steps of `run`."""
-        return sum(len(names) + 1 for names in self.names.values()) + self.random + len(self.sizes) + len(self.starts)
+        return (
+            sum(len(names) + 1 for names in self.names.values())
+            + self.random
+            + len(self.sizes)
+            + len(self.starts)
+            + self.large
+        )
 
 
 def _of(*families: str) -> tuple[str, ...]:
@@ -63,7 +73,7 @@ def _of(*families: str) -> tuple[str, ...]:
 _SLOW = ("scalar", "reference")
 _RIVALS = tuple(name for name in _of("plugin", "peer") if name not in _SLOW)
 
-QUICK = Schedule({"a": ("limit", "general", "same", "twice", "path")}, 256, 7, 0.1, 0, (256, 1024), {"warm": 2})
+QUICK = Schedule({"a": ("limit", "general", "same", "twice", "path")}, 256, 7, 0.1, 0, (256, 1024), {"warm": 2}, False)
 
 FULL = Schedule(
     {
@@ -78,6 +88,7 @@ FULL = Schedule(
     20,
     (256, 1024, 2048, 4096, 8192),
     {"cold": 6, "warm": 9},
+    True,
 )
 
 
@@ -120,6 +131,9 @@ class Results:
     random: dict[int, Row] = field(default_factory=dict)
     sizes: dict[int, Facts] = field(default_factory=dict)
     starts: dict[str, Start] = field(default_factory=dict)
+    large: Large | None = None
+    load: list[float] = field(default_factory=list)
+    """Processes that ran or waited for a processor, the mean of a minute: at the beginning, and after each part."""
     notes: list[str] = field(default_factory=list)
     complete: bool = False
 
@@ -134,6 +148,7 @@ def run(schedule: Schedule, folder: Path, results: Results, told: Callable[[str]
     told : hears what is measured next
     """
     for kind, names in schedule.names.items():
+        results.load.append(os.getloadavg()[0])
         yield from _scene(kind, names, schedule, folder, results, told)
     for seed in range(schedule.random):
         told(f"random scene {seed}")
@@ -150,10 +165,16 @@ def run(schedule: Schedule, folder: Path, results: Results, told: Callable[[str]
         with _noted(results, f"start, {cache}"):
             results.starts[cache] = start(file, folder, cache, pairs)
         yield
+    if schedule.large:
+        told(f"memory, {SIDE} x {SIDE} to a file")
+        with _noted(results, f"{SIDE} x {SIDE} to a file"):
+            results.large = draw_large(file, folder)
+        yield
     if shutil.which("povray") is None:
         results.notes.append("POV-Ray: not installed")
     else:
         results.notes.append("POV-Ray: installed, but not measured: there is no translation of the scenes yet")
+    results.load.append(os.getloadavg()[0])
     results.complete = True
 
 

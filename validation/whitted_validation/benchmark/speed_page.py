@@ -9,7 +9,8 @@ results.json, besides what every command writes
         launch (s), edits (kernels compiled after each), facts (of the planned kernel), note, and
         rows   one object a configuration: name, family, words, note, off (share of pixels), facts, comparison
     random     by seed: the row of the general kernel
-    sizes      by size: facts;    starts: cold and warm;    notes: what could not be measured
+    sizes      by size: facts;    large: side, peak_mb, stopped;    starts: cold and warm
+    load       of the machine, one number a part;    notes: what could not be measured
     facts      side, kernels (hashes), operations, one (s a picture: wall, cpu), and the most memory (10^6 bytes):
         loaded_mb before the first picture, first_mb after it, peak_mb after several
     comparison time over that of the planned kernel, a pixel: cpu and wall, each with median, low, high (the
@@ -48,6 +49,8 @@ def write(folder: Path, results: Results, schedule: Schedule, quick: bool) -> No
         "random": {seed: _row_facts(row) for seed, row in results.random.items()},
         "sizes": {size: _plain(facts) for size, facts in results.sizes.items()},
         "starts": {cache: _plain(begun) for cache, begun in results.starts.items()},
+        "large": _plain(results.large),
+        "load": results.load,
         "notes": results.notes,
     }
     report.write(folder, facts, "whitted benchmark speed", sections(results, schedule, quick))
@@ -109,7 +112,8 @@ def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]
             "All ratios are times over that of the plugin as it is, a pixel: above 1 is slower. Two processes draw in "
             f"turn, {schedule.pairs} pairs; a ratio is the median of the pairs, and behind it stands the interval "
             "that holds the median with a confidence of 95 %, whatever the distribution. CPU time is that of all "
-            "threads, and the steadier of the two where other work shares the machine."
+            "threads, and the steadier of the two where other work shares the machine: its load was "
+            f"{min(results.load, default=0):.1f} to {max(results.load, default=0):.1f} meanwhile."
         ),
         _targets(held, quick),
     ]

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from whitted_validation.benchmark.speed import MIXED, Results
+from whitted_validation.benchmark.speed_memory import MOST_MB, SIDE
 from whitted_validation.benchmark.speed_pairs import Interval
 
 MOST_OF_LIMIT = {"a": 0.65, "b": 0.75, "c": 1.30, MIXED: 1.35, "e": 1.35, "f": 1.35, "g": 1.35, "d": 0.5}
@@ -49,10 +50,11 @@ def outcomes(results: Results) -> Iterator[Outcome]:
         yield _at_most(f"scene {kind}: at most {most:g} of the CPU time of the bare rays", over_limit, most)
     for kind, least in LEAST_GAIN.items():
         gain = _ratio(results, kind, "path", lambda ratio: ratio)
-        met = None if gain is None else gain.low >= least
+        met = None if gain is None or math.isnan(gain.low) else gain.low >= least
         yield Outcome(f"scene {kind}: `path` takes at least {least:g} times the CPU time", _said(gain), met)
     yield _never_slower(results)
     yield _memory(results)
+    yield _large(results)
     warm = results.starts["warm"].wall if "warm" in results.starts else None
     yield _at_most(f"a warm start takes at most {MOST_START:g} times the time of a bare script", warm, MOST_START)
     yield _launch(results)
@@ -66,7 +68,7 @@ def _ratio(results: Results, kind: str, name: str, turn: Callable[[Interval], In
 
 
 def _at_most(target: str, ratio: Interval | None, most: float) -> Outcome:
-    return Outcome(target, _said(ratio), None if ratio is None else ratio.high <= most)
+    return Outcome(target, _said(ratio), None if ratio is None or math.isnan(ratio.high) else ratio.high <= most)
 
 
 def said(ratio: Interval) -> str:
@@ -86,7 +88,7 @@ def _never_slower(results: Results) -> Outcome:
     rows |= {f"random scene {seed}": row for seed, row in results.random.items()}
     ratios = {where: row.comparison.cpu.inverse() for where, row in rows.items() if row and row.comparison}
     slower = [f"{where}: {said(ratio)}" for where, ratio in ratios.items() if ratio.least > 1]
-    text = f"{len(ratios)} scenes, {len(slower)} slower" + "".join(f"; {each}" for each in slower)
+    text = f"{len(slower)} of {len(ratios)} slower" + "".join(f"; {each}" for each in slower)
     target = "no scene slower with its plan than with the general kernel in every pair"
     return Outcome(target, text if ratios else "", not slower if ratios else None)
 
@@ -99,6 +101,14 @@ def _memory(results: Results) -> Outcome:
     small, large = (results.sizes[size] for size in (min(results.sizes), max(results.sizes)))
     a_pixel = 1e6 * (large.first_mb - small.first_mb) / (large.side**2 - small.side**2)
     return Outcome(target, f"{a_pixel:.3g} from {small.side} to {large.side} pixels a side", a_pixel <= MOST_BYTES)
+
+
+def _large(results: Results) -> Outcome:
+    large, target = results.large, f"memory: {SIDE} x {SIDE} to a file within {MOST_MB:g} MB"
+    if large is None:
+        return Outcome(target, "", None)
+    text = f"{large.peak_mb:.0f} MB" + ", stopped there" * large.stopped
+    return Outcome(target, text, not large.stopped and large.peak_mb <= MOST_MB)
 
 
 def _launch(results: Results) -> Outcome:

@@ -18,7 +18,7 @@ from whitted_validation import report
 from whitted_validation.report.charts import Chart
 from whitted_validation.report.sections import Cell, Group, Markup, Picture, Section, Sentence, Table, Tone
 from whitted_validation.stress.case import Outcome
-from whitted_validation.stress.policies import EPSILONS, POLICIES, SPAWN_RAY
+from whitted_validation.stress.policies import EPSILONS, OURS, POLICIES, SPAWN_RAY
 from whitted_validation.stress.run import Result, as_facts
 
 STYLE = ".side-by-side { display: flex; flex-wrap: wrap; gap: 1rem } .side-by-side figure { margin: 0 }"
@@ -127,7 +127,15 @@ def _family(family: str, results: Sequence[Result]) -> Group:
     )
     side_by_side = [Markup(f'<div class="side-by-side">{pictures}</div>')] if pictures else []
     holds = (Sentence(f"Holds: {text}.") for text in statements)
-    return Group(family.capitalize(), (*holds, table, *told, *side_by_side))
+    return Group(family.capitalize(), (*holds, table, *told, *_lost(results), *side_by_side))
+
+
+def _lost(results: Sequence[Result]) -> list[Section]:
+    """Set what float32 input has lost against what the plugin loses of the rest, where that was measured."""
+    names = ("input alone: off", "input alone: median", "tracer alone: off", "tracer alone: median")
+    measured = [(result.case.name, result.outcomes[OURS.name].values) for result in results]
+    rows = [[name, *(values[key] for key in names)] for name, values in measured if names[0] in values]
+    return [Table(["case", *names], rows, "Pixels off, and median error of all")] if rows else []
 
 
 def _words(outcome: Outcome) -> str:

@@ -157,6 +157,7 @@ def _moved(trial: Trial, name: str, distance: float, demanded: bool = True) -> O
             "pixels": tracer.size,
             "input alone: median": float(np.median(lost)),
             "input alone: off": int((lost > FAR_OFF).sum()),
+            "tracer alone: off": int((tracer > FAR_OFF).sum()),
             "tracer alone: median": float(np.median(tracer)),
         }
     return judged(values, not demanded or is_explained(values))

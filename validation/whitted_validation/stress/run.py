@@ -83,19 +83,11 @@ def run(
 
 
 def _tried(case: Case, trial: Trial) -> Outcome:
-    """Try one; a policy that ends in an error has failed, and the error is kept."""
+    """Try one; a scene that one of the programs cannot draw has failed, and what was said of it is kept."""
     try:
         return case.measure(trial)
-    except (RuntimeError, ValueError, ArithmeticError) as error:
-        if _interrupted(error):
-            raise
+    except ValueError as error:  # of which the scene errors of both programs are made
         return Outcome(False, "error", {"error": f"{type(error).__name__}: {error}"})
-
-
-def _interrupted(error: BaseException | None) -> bool:
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None
 
 
 def as_facts(result: Result) -> dict[str, Any]:
