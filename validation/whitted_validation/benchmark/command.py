@@ -48,15 +48,16 @@ def speed(quick: bool, report: str | None) -> None:
 
     save()  # before any work: the folder can be written to
     with tempfile.TemporaryDirectory(prefix="whitted_speed_") as folder, _progress(schedule.count()) as (told, done):
-        shown = 0
+        shown: dict[str, int] = {}
+        last = ""
         for _ in run(schedule, Path(folder), results, told):
             done()
-            rows = [(kind, row) for kind, measured in results.scenes.items() for row in measured.rows]
-            for kind, row in rows[shown:]:
-                if row is results.scenes[kind].rows[0]:
-                    click.echo(f"scene {kind}: {results.scenes[kind].title}; times over those of the plugin as it is")
-                click.echo(speed_page.lines(row))
-            shown = len(rows)
+            for kind, measured in results.scenes.items():
+                for row in measured.rows[shown.get(kind, 0) :]:
+                    if kind != last:
+                        click.echo(f"scene {kind}: {measured.title}; times over those of the plugin as it is")
+                    click.echo(speed_page.lines(row))
+                    shown[kind], last = len(measured.rows), kind
             save()
         save()
     if quick:

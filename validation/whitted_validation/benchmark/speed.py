@@ -37,6 +37,7 @@ class Schedule:
     Attributes
     ----------
     names : of the configurations beside the planned one, by the letter of the scene
+    details : more of them, measured last
     size : of the pictures in pixels
     pairs : of samples a configuration
     tick : a tick of the CPU's clock is at most this share of a sample
@@ -47,6 +48,7 @@ class Schedule:
     """
 
     names: dict[str, tuple[str, ...]]
+    details: dict[str, tuple[str, ...]]
     size: int
     pairs: int
     tick: float
@@ -57,13 +59,8 @@ class Schedule:
 
     def count(self) -> int:
         """Count the steps of `run`."""
-        return (
-            sum(len(names) + 1 for names in self.names.values())
-            + self.random
-            + len(self.sizes)
-            + len(self.starts)
-            + self.large
-        )
+        rows = sum(len(names) + 1 for part in (self.names, self.details) for names in part.values())
+        return rows + self.random + len(self.sizes) + len(self.starts) + self.large
 
 
 def _of(*families: str) -> tuple[str, ...]:
@@ -73,15 +70,13 @@ def _of(*families: str) -> tuple[str, ...]:
 _SLOW = ("scalar", "reference")
 _RIVALS = tuple(name for name in _of("plugin", "peer") if name not in _SLOW)
 
-QUICK = Schedule({"a": ("limit", "general", "same", "twice", "path")}, 256, 7, 0.1, 0, (256, 1024), {"warm": 2}, False)
+QUICK = Schedule(
+    {"a": ("limit", "general", "same", "twice", "path")}, {}, 256, 7, 0.1, 0, (256, 1024), {"warm": 2}, False
+)
 
 FULL = Schedule(
-    {
-        "a": _of(*("plugin", "control", "skip", "remedy", "peer")),
-        "b": (*_RIVALS, *_of("skip", "remedy")),
-        "c": (*_RIVALS, *_of("skip", "remedy")),
-        **dict.fromkeys(("d", "e", "f", "g", MIXED), _RIVALS),
-    },
+    {"a": (*_of("control"), *_RIVALS, *_SLOW), **dict.fromkeys(("b", "c", "d", "e", "f", "g", MIXED), _RIVALS)},
+    dict.fromkeys("abc", _of("skip", "remedy")),
     1024,
     9,
     0.02,
@@ -170,6 +165,9 @@ def run(schedule: Schedule, folder: Path, results: Results, told: Callable[[str]
         with _noted(results, f"{SIDE} x {SIDE} to a file"):
             results.large = draw_large(file, folder)
         yield
+    for kind, names in schedule.details.items():
+        results.load.append(os.getloadavg()[0])
+        yield from _scene(kind, names, schedule, folder, results, told)
     if shutil.which("povray") is None:
         results.notes.append("POV-Ray: not installed")
     else:
@@ -191,7 +189,7 @@ def _scene(
     kind: str, names: tuple[str, ...], schedule: Schedule, folder: Path, results: Results, told: Callable[[str], None]
 ) -> Iterator[None]:
     title = scenes.KINDS[kind].title if kind in scenes.KINDS else "200 balls about a mesh of 101,760 triangles"
-    measured = results.scenes[kind] = Measured(title, schedule.size)
+    measured = results.scenes.setdefault(kind, Measured(title, schedule.size))
     told(f"{kind}: {title}")
     file = scenes.write(kind, folder) if kind in scenes.KINDS else _mixed(folder)
     try:
