@@ -63,8 +63,8 @@ def speed(quick: bool, report: str | None) -> None:
     if quick:
         click.echo("A quick look at small pictures; the targets are those of the full measurement:")
     for outcome in outcomes(results):
-        measured = f": {outcome.measured}" if outcome.measured else ""
-        click.echo(f"{outcome.verdict:<13} {outcome.target.replace('`', '')}{measured}")
+        found = f": {outcome.measured}" if outcome.measured else ""
+        click.echo(f"{outcome.verdict:<13} {outcome.target.replace('`', '')}{found}")
     for note in results.notes:
         click.echo(note)
     click.echo(speed_page.summary(results))
