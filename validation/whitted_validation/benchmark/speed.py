@@ -211,7 +211,7 @@ def _row(name: str, planned: Worker, picture: np.ndarray, file: Path, schedule: 
     """Measure a configuration against the planned one, which waits."""
     configuration = BY_NAME[name]
     try:
-        with Worker(name, file, schedule.size) as worker:
+        with Worker(name, file, planned.facts.side) as worker:
             off = None
             if configuration.family != "peer" and name != "limit":
                 off = float((np.abs(worker.ask("pixels") - picture) > OFF).any(axis=2).mean())
