@@ -122,11 +122,13 @@ class _Part:
                     "they must be finite"
                 )
         self.face_normals = self._face_normals()
+        if type(mesh).__name__ == "Polygon":
+            self.positions, n = flattened(self.positions, self.normals, self.faces)
+            self.face_normals = np.broadcast_to(n, self.face_normals.shape)
+            self.normals = self.normals[:0]
         if origin.any():  # else a large mesh would be copied for nothing
             self.positions = self.positions - origin
-        if type(mesh).__name__ == "Polygon":
-            self._flatten()
-        self.positions = self.positions.astype(np.float32)
+        self.positions = self.positions.astype(np.float32, copy=False)
         self.flags = (
             _SMOOTH * bool(len(self.normals))
             + _TEXCOORDS * bool(len(self.texcoords))
@@ -161,17 +163,26 @@ class _Part:
         off = (np.abs(self.face_normals) * np.abs(corners).max(axis=1)).sum(axis=1)
         return np.column_stack([self.face_normals, np.maximum(off, tilt)])
 
-    def _flatten(self) -> None:
-        """Put all of a polygon on its one plane: through its first vertex, with the normal of every corner.
 
-        Mitsuba computes the normals anew when vertices are edited, but not that of the first, which has no face.
-        """
-        a, n = self.positions[0].astype(np.float64), self.normals[self.faces[0, 0]].astype(np.float64)
-        n /= np.linalg.norm(n)
-        off = (self.positions - a) @ n
-        self.positions = self.positions - off[:, None] * n
-        self.face_normals = np.broadcast_to(n, self.face_normals.shape)
-        self.normals = self.normals[:0]
+def triangles_of(graph: SceneGraph, mesh: mi.Mesh) -> tuple[NDArray[Any], NDArray[np.uint32]]:
+    """Vertices of a mesh, those of a polygon on its plane, and its faces."""
+    positions = _buffer(graph, mesh, "vertex_positions", np.float32, 3)
+    faces = _buffer(graph, mesh, "faces", np.uint32, 3)
+    if type(mesh).__name__ == "Polygon":
+        positions, _ = flattened(positions, _buffer(graph, mesh, "vertex_normals", np.float32, 3), faces)
+    return positions, faces
+
+
+def flattened(
+    positions: NDArray[Any], normals: NDArray[Any], faces: NDArray[Any]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Put all of a polygon on its one plane: through its first vertex, with the normal of every corner.
+
+    Mitsuba computes the normals anew when vertices are edited, but not that of the first, which has no face.
+    """
+    a, n = positions[0].astype(np.float64), normals[faces[0, 0]].astype(np.float64)
+    n /= np.linalg.norm(n)
+    return positions - ((positions - a) @ n)[:, None] * n, n
 
 
 def _buffer(graph: SceneGraph, mesh: mi.Mesh, name: str, kind: Any, width: int) -> NDArray[Any]:
