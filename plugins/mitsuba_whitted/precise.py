@@ -106,7 +106,8 @@ def mirrored(d: Any, n: Any) -> Any:
     Divided by n.n, which is 1 but for the rounding of n. Left in, that rounding is the same at every bounce, turns
     all of them the same way, and moves the 64th hit inside a mirroring ball three times further off.
     """
-    return dr.normalize(dr.fma(-2 * dr.dot(d, n) / dr.squared_norm(n), n, d))
+    n_n = dr.maximum(dr.squared_norm(n), 0.5)  # where nothing was hit n is 0
+    return dr.normalize(dr.fma(-2 * dr.dot(d, n) / n_n, n, d))
 
 
 def ray_offset(n_g: Any, d: Any, reach: Any, least: Any) -> tuple[Any, Any]:
