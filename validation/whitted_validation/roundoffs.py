@@ -24,8 +24,8 @@ PLANE_SLOPE = 6 * U
 SPHERE_DISTANCE = 6.5 * U
 # A unit vector from three components that carry 3 roundings: squared length 3 / 2, root 1, reciprocal 1, product 1.
 UNIT_VECTOR = 4 * U
-# A reflected direction d - 2 (d.n) / (n.n) n: two dot products of 3, quotient 1, product 1, twice; sum 1; unit vector.
-REFLECTED = 16 * U + U + UNIT_VECTOR
+# A reflected direction d - 2 (d.n) n: dot product 3 and n 1, twice; sum 1; unit vector.
+REFLECTED = 8 * U + U + UNIT_VECTOR
 # A point brought through a matrix: matrix 1, dot product 3, sum 1 (and the same for a direction, plus its length).
 TRANSFORMED = 5 * U
 # Vertex normals made from faces: edges 1, cross product 3, unit vector, angle 8, and the sum over about six faces.
