@@ -19,7 +19,7 @@ class Triangle(Primitive):
     and the weights beta, gamma are Cramer's rule (Shirley et al. 2009, section 4.4.2).
     """
 
-    __slots__ = ("_arithmetic", "_corners", "_g", "_uvs", "vertex_normals")
+    __slots__ = ("_arithmetic", "_corners", "_g", "uvs", "vertex_normals")
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class Triangle(Primitive):
             self._g = negated(self._g)
             normals = (negated(normals[0]), negated(normals[1]), negated(normals[2])) if normals else None
         self.vertex_normals = normals
-        self._uvs = [arithmetic.vec(uv) for uv in uvs] if uvs else None
+        self.uvs = [arithmetic.vec(uv) for uv in uvs] if uvs else None
         self.box = box_of(list(corners))
 
     def hit(
@@ -103,9 +103,9 @@ class Triangle(Primitive):
     def uv(self, e: Vec, d: Vec, t: Number, p: Vec) -> tuple[Number, Number]:
         """Return the interpolated uv, or without any (beta, gamma)."""
         beta, gamma = self._weights(e, d)
-        if self._uvs is None:
+        if self.uvs is None:
             return beta, gamma
-        (u0, v0), (u1, v1), (u2, v2) = self._uvs
+        (u0, v0), (u1, v1), (u2, v2) = self.uvs
         alpha = 1 - beta - gamma
         return alpha * u0 + beta * u1 + gamma * u2, alpha * v0 + beta * v1 + gamma * v2
 

@@ -26,12 +26,11 @@ from numpy.typing import NDArray
 from whitted_reference import scene
 from whitted_reference.materials import Material, Terms
 from whitted_reference.ray_tree import RayNode, Tree
-from whitted_reference.vectors import Colour
+from whitted_reference.vectors import Colour, dot
 from whitted_validation.patch import patch_of
 from whitted_validation.rounding import Follower, chain
 from whitted_validation.roundoffs import (
     CAMERA_DIRECTION,
-    COORDINATE,
     IRRADIANCE,
     PLANE_DISTANCE,
     PLANE_SLOPE,
@@ -39,7 +38,6 @@ from whitted_validation.roundoffs import (
     REFLECTED,
     TERM,
     TO_LIGHT,
-    UNIT_VECTOR,
     U,
 )
 from whitted_validation.textures import COLOURS, DECODED, Slopes
@@ -81,13 +79,23 @@ class Shaken(Follower):
 
     def textured(self, side: Material, uv: tuple[float, float]) -> Terms:
         """Do as the tracer with coordinates, and coefficients of pictures, that are a little off."""
-        terms = super().textured(side, (uv[0] + self._draw(COORDINATE), uv[1] + self._draw(COORDINATE)))
         node = self.node
+        off_u, off_v = patch_of(self.primitives[node.primitive], node).uv_roundings
+        terms = super().textured(side, (uv[0] + self._draw(off_u), uv[1] + self._draw(off_v)))
         if self._slopes.varies(self.primitives[node.primitive].surface.id, node.front):
             shaken: dict[str, Any] = {name: self._shaken(getattr(terms, name)) for name in COLOURS}
             terms = replace(terms, **shaken)
         node.terms = terms
         return terms
+
+    def reflected(self, terms, i, n, d, l, n_l):  # type: ignore[no-untyped-def]  # noqa: E741
+        """Do as the tracer with a normal, a light and an irradiance that are a little off."""
+        node = self.node
+        turn = patch_of(self.primitives[node.primitive], node).normal_roundings
+        n = tuple(x + self._draw(turn) for x in n)
+        l = tuple(x + self._draw(TO_LIGHT) for x in l)  # noqa: E741
+        i = tuple(x * (1.0 + self._draw(IRRADIANCE)) for x in i)
+        return super().reflected(terms, i, n, d, l, max(dot(n, l) + self._draw(4 * U), 0.0))
 
     def _shaken(self, colour: Colour | None) -> Colour | None:
         if colour is None:
@@ -140,7 +148,7 @@ def sampled_bound(shaken: Shaken, tree: Tree, x: int, y: int, i: int = 0, j: int
         kind = alike if shaken.signature(drawn) == decided else others
         kind.append((np.array(drawn.colour, float) - exact) ** 2)
     chaotic = len(alike) < DRAWS
-    # Shading is not drawn: at each hit it costs no more than this of what it adds.
-    shading = (TO_LIGHT + UNIT_VECTOR + IRRADIANCE + TERM + POWER + U * (4 + len(tree.root.lights))) * np.abs(exact)
+    # Products, powers and sums are not drawn: at each hit they cost no more than this of what it adds.
+    shading = (TERM + POWER + U * (4 + len(tree.root.lights))) * np.abs(exact)
     squares = alike + others if chaotic else alike
     return Sampled(FACTOR * np.sqrt(np.mean(squares, axis=0)) + len(decided) * shading, chaotic)

@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 from whitted_reference.instances import Placed
 from whitted_reference.ray_tree import RayNode
 from whitted_reference.shapes import Primitive, Sphere
+from whitted_reference.triangles import Triangle
 from whitted_reference.vectors import add, scaled
 from whitted_validation.forms import Matrix, radius
 from whitted_validation.roundoffs import (
     COORDINATE,
+    LOCAL,
     PLANE_DISTANCE,
     PLANE_SLOPE,
     SPHERE_DISTANCE,
@@ -38,7 +40,8 @@ class Patch:
         first, second = primitive.normals(node.e, node.d, node.t, node.p)  # type: ignore[arg-type]
         self.flat = first is not second  # a shading normal of its own over a flat face
         inner = primitive.primitive if isinstance(primitive, Placed) else primitive
-        self._smooth = self.flat and hasattr(inner, "vertex_normals") and inner.vertex_normals is not None
+        self._inner = inner
+        self._smooth = self.flat and isinstance(inner, Triangle) and inner.vertex_normals is not None
         self._ball = isinstance(inner, Sphere)
         # Two unit vectors across the normal, and the change of the normal along each.
         a = np.array([0.0, 1.0, 0.0]) if abs(self._g[0]) > 0.5 else np.array([1.0, 0.0, 0.0])
@@ -85,9 +88,44 @@ class Patch:
     def normal_roundings(self) -> float:
         """Own roundings of the normal, a component."""
         if self._smooth:
-            slope = float(np.abs(self._slope).max()) * float(np.linalg.norm(self.extent))
-            return VERTEX_NORMAL + UNIT_VECTOR + WEIGHTS * slope
+            n, n1, n2 = (np.array(normal, float) for normal in self._inner.vertex_normals)  # type: ignore[attr-defined]
+            e1, e2, w = self._from_corner()
+            beta, gamma = np.linalg.lstsq(np.array([e1, e2]).T, w, rcond=None)[0]
+            turn = float(np.abs(n1 - n).max() + np.abs(n2 - n).max())
+            size = float(np.linalg.norm(n + beta * (n1 - n) + gamma * (n2 - n)))
+            return VERTEX_NORMAL + UNIT_VECTOR + self._weights_off() * turn / size
         return U if self.flat else UNIT_VECTOR + 3 * U
+
+    def _from_corner(self) -> Matrix:
+        """Return two sides of a triangle and the way to the hit, from its first corner."""
+        (a, b), (_, c), _ = self._inner.sides()  # type: ignore[attr-defined]
+        away: Matrix = np.array([b, c, self._node.p], float) - np.array(a, float)
+        return away
+
+    def _weights_off(self) -> float:
+        """Return how far each weight of the corners may be off."""
+        e1, e2, _ = self._from_corner()
+        return WEIGHTS * max(float(e1 @ e1), float(e2 @ e2)) / float(np.linalg.norm(np.cross(e1, e2)))
+
+    def plane_reach(self, whole: Matrix | None) -> float:
+        """How far rounding may leave a ray that starts on the surface off it, in units of `OFFSET`.
+
+        `whole` is the reach of the shape, where the tracer does not keep that of each triangle.
+        """
+        g = np.abs(self._g)
+        reach = float(g @ (self.reach if whole is None else whole))
+        return max(reach, self.plane_tilt)
+
+    @property
+    def plane_tilt(self) -> float:
+        """How far the plane that a search makes of a triangle's edges may leave it, in units of 4 u."""
+        if not isinstance(self._inner, Triangle):
+            return 0.0
+        e, f, _ = self._from_corner()
+        x, y, z = np.abs(e)
+        p, q, r = np.abs(f)
+        products = np.array([y * r + z * q, z * p + x * r, x * q + y * p])
+        return float(self.extent @ products) / float(np.linalg.norm(np.cross(e, f)))
 
     def distance_roundings(self, t: float) -> float:
         """Own roundings of the meeting, as a distance along the normal."""
@@ -108,16 +146,28 @@ class Patch:
         return np.asarray(coordinates + PLANE_DISTANCE * float(np.abs(self._g) @ self.extent) * np.abs(self._g))
 
     def uv_error(self, hit: Matrix) -> tuple[float, float]:
-        """Bound the errors of the surface coordinates, by differences along the surface."""
+        """Bound the errors of the surface coordinates: those that follow from the point, and their own roundings."""
+        off = radius(self._uv_slope() @ (self._tangents @ hit)) + self.uv_roundings
+        return float(off[0]), float(off[1])
+
+    @property
+    def uv_roundings(self) -> NDArray[np.float64]:
+        """Own roundings of the surface coordinates."""
+        if isinstance(self._inner, Triangle):
+            u, u1, u2 = np.array(self._inner.uvs or ((0, 0), (1, 0), (0, 1)), float)
+            return np.asarray(COORDINATE + self._weights_off() * (np.abs(u1 - u) + np.abs(u2 - u)))
+        return np.asarray(COORDINATE + LOCAL * (np.abs(self._uv_slope() @ self._tangents) @ self.extent))
+
+    def _uv_slope(self) -> Matrix:
+        """Return the change of the coordinates along both tangents, by differences along the surface."""
         ahead, behind = (
             np.array([self._primitive.uv(*self._moved(s * self._by * t)) for t in self._tangents], float)
             for s in (1.0, -1.0)
         )
         change = ahead - behind
         change -= np.rint(change)  # over the seam where a turn begins, coordinates jump by 1
-        slope = change.T / (2.0 * self._by)
-        off = radius(slope @ (self._tangents @ hit)) + COORDINATE
-        return float(off[0]), float(off[1])
+        slope: Matrix = change.T / (2.0 * self._by)
+        return slope
 
 
 class PlacedPatch(Patch):
@@ -138,15 +188,26 @@ class PlacedPatch(Patch):
         self._shift, inverse = matrices(primitive)
         self._matrix = np.abs(np.linalg.inv(inverse))
         self._p = np.abs(np.array(p, float))
+        self._g_inside = np.abs(np.array(n_g, float))
         # |M^-T n|, for both normals: a distance along the normal inside is 1 / |M^-T n_g| as long outside.
         self._n_size, self._g_size = (float(np.linalg.norm(inverse.T @ np.array(m, float))) for m in (n, n_g))
         self._rows = float(np.abs(inverse.T).sum(axis=1).max())
-        self.reach = self._matrix @ self._inside.reach + np.abs(self._shift)
 
     @property
     def normal_roundings(self) -> float:
         """Those inside, and of M^-T n: its rows 1 and dot product 3, more where they cancel; unit vector."""
         return (self._inside.normal_roundings + 4 * U) * self._rows / self._n_size + UNIT_VECTOR
+
+    def plane_reach(self, whole: Matrix | None) -> float:
+        """Of the shape inside, brought out."""
+        assert whole is not None
+        inside = np.maximum(whole, self._inside.plane_tilt * self._g_inside)
+        return float(np.abs(self._g) @ (self._matrix @ inside + np.abs(self._shift)))
+
+    @property
+    def uv_roundings(self) -> NDArray[np.float64]:
+        """Those inside."""
+        return self._inside.uv_roundings
 
     def distance_roundings(self, t: float) -> float:
         """Those inside, as a distance outside."""

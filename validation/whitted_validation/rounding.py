@@ -11,7 +11,7 @@ variable takes its place.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -22,7 +22,7 @@ from whitted_reference.instances import Placed
 from whitted_reference.lights import Light, Point, Spot
 from whitted_reference.materials import Material, Terms
 from whitted_reference.ray_tree import Key, LightNode, RayNode, Recorder, Tree
-from whitted_reference.shapes import Surface
+from whitted_reference.shapes import Primitive, Surface
 from whitted_validation.forms import Matrix, length, radius
 from whitted_validation.patch import Patch, matrices, patch_of
 from whitted_validation.roundoffs import (
@@ -138,6 +138,7 @@ class Rounding:
         eye = np.array(tracer.camera.eye, float)
         self._eye = eye
         self._perspective = tracer.camera.perspective
+        self._reach = _reach_of_shapes(tracer.primitives)
 
     # --------------------------------------------------------------------------------------------- path
     def bound(self, tree: Tree) -> Bound:
@@ -200,7 +201,7 @@ class Rounding:
         if isinstance(primitive, Placed):
             ray = _through_matrix(primitive, node, ray)
         hit = self._hit(node, ray, patch, n_g)
-        offset = OFFSET * float(np.abs(n_g) @ patch.reach)
+        offset = OFFSET * patch.plane_reach(self._reach.get(self._surface(node).id))
         step = Step(ray, hit, offset=offset)
         if not np.isfinite(hit).all():
             return step, np.full(3, math.inf), None, None
@@ -393,6 +394,17 @@ def _through_matrix(primitive: Placed, node: RayNode, ray: Ray) -> Ray:
         np.hstack([ray.d, np.zeros((3, 3)), d])[:, : symbols + 6],
         ray.offset,
     )
+
+
+def _reach_of_shapes(primitives: Sequence[Primitive]) -> dict[str, Matrix]:
+    """Return the greatest coordinates of each shape in its own space, where there are instances."""
+    reach: dict[str, Matrix] = {}
+    if any(isinstance(primitive, Placed) for primitive in primitives):
+        for primitive in primitives:
+            box = np.abs((primitive.primitive if isinstance(primitive, Placed) else primitive).box).reshape(2, 3)
+            shape = primitive.surface.id
+            reach[shape] = np.maximum(reach.get(shape, 0.0), box.max(axis=0))
+    return reach
 
 
 def side_of(surface: Surface, node: RayNode) -> Material:

@@ -24,13 +24,14 @@ PLANE_SLOPE = 6 * U
 SPHERE_DISTANCE = 6.5 * U
 # A unit vector from three components that carry 3 roundings: squared length 3 / 2, root 1, reciprocal 1, product 1.
 UNIT_VECTOR = 4 * U
-# A reflected direction d - 2 (d.n) n: dot product 3 and n 1, twice; sum 1; unit vector.
-REFLECTED = 8 * U + U + UNIT_VECTOR
+# A reflected direction d - 2 (d.n) / (n.n) n: two dot products of 3, quotient 1, product 1, twice; sum 1; unit vector.
+REFLECTED = 16 * U + U + UNIT_VECTOR
 # A point brought through a matrix: matrix 1, dot product 3, sum 1 (and the same for a direction, plus its length).
 TRANSFORMED = 5 * U
 # Vertex normals made from faces: edges 1, cross product 3, unit vector, angle 8, and the sum over about six faces.
 VERTEX_NORMAL = 24 * U
-# Barycentric weights, relative to |e1| |e2| / |e1 x e2|: differences 2, two cross products 3 each, dot 3, division 2.
+# Barycentric weights, relative to the longest side squared / |e1 x e2|: differences 2, two cross products 3 each,
+# dot 3, division 2. So in a thin triangle they are worse by its aspect ratio, whatever they then interpolate.
 WEIGHTS = 13 * U
 # Light: difference 1 a component, squared length 3, then root, reciprocal and product; so for l.
 TO_LIGHT = 4 * U
@@ -44,12 +45,18 @@ ARC_TANGENT = 4 * U
 TERM = 5 * U
 # exp2(p log2(1 - y)): the chord carries its own roundings (see below), exp2 and log2 two each.
 POWER = 4 * U
-# Texture coordinates: dot product 3, arc tangent 4, scale and offset 3, by a texture's own transform 3; of at most 1.
-COORDINATE = 13 * U
-# Offset of a ray's start from its surface, in units of the surface's distance from the origin along n.
+# A place in a shape's own axes, as a distance, relative to its size: difference 1, row of a matrix 1, dot product 3.
+LOCAL = 5 * U
+# Texture coordinates made of that: arc tangent 4, scale and offset 3, by a texture's own transform 3; of at most 1.
+COORDINATE = 10 * U
+# Offset of a ray's start from its surface, in units of the surface's distance from the origin along n, or of what
+# a triangle's plane is off that a search makes of its edges: twice the 4 u |e_j f_k| of each product in e x f.
 OFFSET = 8 * U
 # A test of an edge from the origin of the ray (difference of the ends 1, their sum 1, cross product 3, dot
-# product 3), divided by the edge; the sum of the ends is up to twice as far as the edge.
+# product 3), divided by the edge; the sum of the ends is up to twice as far as the edge. Or the coordinates of a
+# place on a rectangle or disk: of the distance t 11 (difference 1, dot product and normal 4, slope 4, reciprocal 1,
+# product 1), of the size 13 (those of the difference, which is greater than t by half the size, 2.5; coordinates 4 of
+# half the size; the place 0.5; an edge widened by 16 u of half a side, 8).
 EDGE_TEST = 16 * U
 # The radicand of a plain quadratic, in squared distances: coefficients 3 each, product 1, difference 1.
 QUADRATIC_TEST = 8 * U
