@@ -202,7 +202,7 @@ def test_a_name_that_is_not_utf8_is_shown_as_well_as_can_be(capsys: pytest.Captu
     name = "raw\udcff.npy"
     Path("a.npy").rename(name)
     assert run(["compare", name, name, "--report", "page"]) == 0
-    assert "raw\N{REPLACEMENT CHARACTER}.npy" in capsys.readouterr().out
+    assert "raw\\udcff.npy" in capsys.readouterr().out
     assert Path("page/report.html").exists()
 
 

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from whitted_validation import report, scene_files
+from whitted_validation.printable import printable
 from whitted_validation.refusal import Refusal
 from whitted_validation.report import viewer, words
 from whitted_validation.verdict import Difference, Status
@@ -91,9 +92,24 @@ def test_every_section_escapes_what_it_shows(tmp_path: Path) -> None:
     assert html.escape(EVIL) in page
 
 
-def test_names_that_are_no_utf8_are_written(tmp_path: Path) -> None:
-    assert "caf?" in written(tmp_path, report.Sentence("caf\udce9"))
-    assert json.loads((tmp_path / "results.json").read_text())
+def test_what_does_not_print_or_turns_the_writing_is_spelt_out(tmp_path: Path) -> None:
+    name = "caf\udce9 \u202eright to left\x1b[31m"
+    plane, a = np.zeros((2, 2), int), np.zeros((2, 2, 3), np.float32)
+    told = {"0,0": name}
+    shown = report.Viewer(a, a, (name, "b"), labels={"object": (plane, [name])}, told=told, command=(name, ""))
+    page = written(tmp_path, report.Sentence(name), shown, results={"command": [name]})
+    spelt = "caf\\udce9 \\u202eright to left\\x1b[31m"
+    assert page.count(spelt) == 2  # the sentence and the command
+    data = shown.data()
+    texts = json.loads(zlib.decompress(base64.b64decode(data["labels"]["object"]["texts"])))
+    assert [*texts, data["names"][0], data["told"]["0,0"], data["command"][0]] == [spelt] * 4
+    assert not [line for line in page.splitlines() if not line.replace("\N{NO-BREAK SPACE}", "").isprintable()]
+    assert json.loads((tmp_path / "results.json").read_text())["command"] == [name]
+
+
+def test_emoji_are_left_whole() -> None:
+    family = "\N{WOMAN}\N{ZERO WIDTH JOINER}\N{GIRL}"
+    assert printable(family) == family
 
 
 def test_only_the_pages_own_script_and_styles_may_run(tmp_path: Path) -> None:
@@ -154,8 +170,24 @@ def test_bars_have_the_heights_of_their_numbers() -> None:
     unit = a_p[1]
     assert np.allclose([a_q[1], b_p[1], b_q[1]], [3 * unit, 2 * unit, 0], rtol=0, atol=0.4)  # four numbers of 0.1
     assert abs(b_p[0] + b_p[1] - a_p[0]) <= 0.2  # b stands on a
+    assert re.findall(r'class="sum"[^>]*>([^<]*)<', drawn) == ["3", "3"]
     empty = report.Bars("t", "x", "y", [], {}).html()
     assert "nan" not in empty
+
+
+@pytest.mark.parametrize(
+    ("counts", "shown"),
+    [
+        ([24700, 0, 5960, 28100], ["24,700", "5,960", "28,100"]),
+        ([12345678, 3], ["3"]),  # too wide beside a neighbour, at thirteen bars
+        ([240000, 240001, 1], ["240,000", "1"]),  # at one height
+        ([0.25, 3e9], ["0.25"]),
+    ],
+)
+def test_sums_over_bars_are_whole_and_leave_each_other_room(counts: list[float], shown: list[str]) -> None:
+    counts = [*counts, *[0] * (13 - len(counts))]
+    drawn = report.Bars("t", "x", "y", [str(k) for k in range(13)], {"a": counts}).html()
+    assert re.findall(r'class="sum"[^>]*>([^<]*)<', drawn) == shown
 
 
 # ----------------------------------------------------------------------------------------------------- viewer

@@ -12,8 +12,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,9 @@ import click
 
 from whitted_validation import compare_command, picture_files, scene_files, validate_command
 from whitted_validation.benchmark import command as benchmark_command
-from whitted_validation.refusal import Refusal
+from whitted_validation.printable import printable
+from whitted_validation.progress import shown
+from whitted_validation.refusal import Refusal, one_line
 from whitted_validation.request import Request
 from whitted_validation.stress import command as stress_command
 
@@ -151,7 +152,7 @@ def render(
     from whitted_validation import render as drawing
 
     drawing.switch(loaded, switches)
-    with _progress(picture_file.name) as progress, drawing.Stopwatch() as kernels:
+    with shown(printable(picture_file.name)) as progress, drawing.Stopwatch() as kernels:
         picture = drawing.render(loaded, grid, progress)
     picture_files.write(picture_file, picture, exposure or 0.0)
     if stats:
@@ -174,8 +175,11 @@ def plan(request: Request) -> None:
 @click.argument("y", type=int)
 @click.option("-s", "--sensor", default=0, metavar="INDEX", help="Sensor that sees the pixel, counted from 0.")
 @click.option("--grid", type=click.IntRange(1, 64), default=1, metavar="N", help="N x N samples. [default: 1]")
+@click.option("--size", callback=validate_command.size, metavar="WxH", help=validate_command.SIZE_HELP)
 @click.option("--report", metavar="DIR", help="Write results.json and report.html, with drawings, to this folder.")
-def explain(request: Request, x: int, y: int, sensor: int, grid: int, report: str | None) -> None:
+def explain(
+    request: Request, x: int, y: int, sensor: int, grid: int, size: tuple[int, int] | None, report: str | None
+) -> None:
     """Say why pixel X Y of SCENE has its colour: its ray tree, by the plugin and by the reference tracer.
 
     X counts to the right and Y down, both from 0.
@@ -183,7 +187,7 @@ def explain(request: Request, x: int, y: int, sensor: int, grid: int, report: st
     from whitted_validation.explanation import terminal
     from whitted_validation.explanation.explanation import Explainer
 
-    explanation = Explainer(request, sensor, grid).pixel(x, y)
+    explanation = Explainer(request, sensor, grid, size).pixel(x, y)
     if report is not None:
         from whitted_validation.explanation.report import write_explanation
 
@@ -237,27 +241,13 @@ def _render_reference(
         scene = dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, **switches))
         if grid is None and sensor in range(len(scene.sensors)):
             grid = math.isqrt(scene.sensors[sensor].sample_count - 1) + 1
-        with _progress(picture_file.name) as progress:
+        with shown(printable(picture_file.name)) as progress:
             picture = tracer.render(scene, grid=grid or 1, sensor=sensor, progress=progress)
     except tracer.SceneError as error:
         raise Refusal(str(error)) from None
     for remark in scene.messages:
         click.echo(f"whitted: {remark}", err=True)
     tracer.save(picture, picture_file, exposure)
-
-
-@contextmanager
-def _progress(name: str) -> Iterator[Callable[[int, int], None] | None]:
-    """Show a bar on a terminal, until the work is done; elsewhere nobody is watching."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(name)
-        yield lambda done, rows: bar.update(task, completed=done, total=rows)
 
 
 def main() -> None:
@@ -286,7 +276,7 @@ def run(arguments: list[str]) -> int:
     except BrokenPipeError:  # the reader of our output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    click.echo(f"whitted: {' '.join(message.split())}", err=True)
+    click.echo(f"whitted: {one_line(message)}", err=True)
     return code
 
 

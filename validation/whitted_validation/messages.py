@@ -8,7 +8,7 @@ from typing import Any
 import click
 import mitsuba as mi
 
-from whitted_validation.refusal import Refusal
+from whitted_validation.refusal import Refusal, one_line
 from whitted_validation.scene_check import Scene
 
 _LEVELS = [mi.LogLevel.Info, mi.LogLevel.Info, mi.LogLevel.Debug, mi.LogLevel.Trace]
@@ -64,11 +64,6 @@ class Messages:
             click.echo(f"whitted: {one_line(_SOURCE_LINE.sub('', text))}", err=True)
 
 
-def one_line(text: str) -> str:
-    """Fold a text of several lines into one."""
-    return " ".join(text.split())
-
-
 def refusal(error: Exception, scene: Scene) -> Refusal:
     """Say what Mitsuba or a plugin objects to: file, line, element, and its words.
 
@@ -87,8 +82,8 @@ def refusal(error: Exception, scene: Scene) -> Refusal:
         text = text[: unread.start()] + f"does not take {shown}; misspelt, or in the wrong place"
     places = list(_PLACE.finditer(text))
     if not places:
-        return Refusal(one_line(f"{scene.file}: {_FILE.sub('', text)}"))
+        return Refusal(f"{scene.file}: {_FILE.sub('', text)}")
     place = places[-1]  # the innermost, where files are included
     file, line, column = place["file"], int(place["line"]), int(place["column"])
     element = scene.at(file, line, column)
-    return Refusal(one_line(f"{file}:{line}: {f'{element}: ' if element else ''}{text[place.end() :]}"))
+    return Refusal(f"{file}:{line}: {f'{element}: ' if element else ''}{text[place.end() :]}")

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whitted_validation.exr_header import ExrHeader, read_exr_header
+from whitted_validation.printable import printable
 from whitted_validation.refusal import Refusal
 from whitted_validation.scene_check import MAX_PIXELS
 
@@ -33,11 +34,6 @@ class Picture:
     values: NDArray[np.floating]
     stepped: bool = False
     remarks: tuple[str, ...] = ()
-
-
-def printable(text: object) -> str:
-    """Return a name without what a terminal would obey or cannot show, such as escape sequences."""
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in str(text))
 
 
 def read_picture(path: str | Path, layer: str | None = None) -> Picture:

@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from whitted_validation.printable import printable
+
 
 class Refusal(Exception):
     """A scene, file or machine that cannot be used.
 
     The message is one line for the person who typed the command: which file and element, the value, and what
-    is allowed. It ends the command with exit code 2.
+    is allowed. It ends the command with exit code 2. Whatever names are in it, it stays a line that can be printed.
     """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message))
+
+
+def one_line(text: str) -> str:
+    """Fold a text of several lines into one that can be printed."""
+    return printable(" ".join(text.split()))
 
 
 def no_such_sensor(file: Path, count: int, asked: int) -> Refusal:

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import re
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import shlex
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
 from whitted_validation import scene_files
-from whitted_validation.refusal import Refusal
+from whitted_validation.printable import printable
+from whitted_validation.progress import shown
+from whitted_validation.refusal import Refusal, one_line
 from whitted_validation.request import Request
 
 ALL_SIZE = (128, 128)  # of --all: at this size all shipped scenes take a few minutes, traced for the first time
 
+SIZE_HELP = "Size in pixels. [default: the scene's]"
 
-def _size(_ctx: click.Context, _param: click.Parameter, value: str | None) -> tuple[int, int] | None:
+
+def size(_ctx: click.Context, _param: click.Parameter, value: str | None) -> tuple[int, int] | None:
+    """Read the value of --size."""
     if value is None:
         return None
     match = re.fullmatch(r"([1-9]\d{0,4})x([1-9]\d{0,4})", value)
@@ -33,7 +37,7 @@ def add_to(group: click.Group, defines: Callable[..., Any], folders: Callable[..
     @group.command()
     @click.argument("scenes", nargs=-1, metavar="SCENE...")
     @click.option("--all", "every", is_flag=True, help="Judge all shipped scenes, at 128x128 unless --size is given.")
-    @click.option("--size", callback=_size, metavar="WxH", help="Size in pixels. [default: the scene's]")
+    @click.option("--size", callback=size, metavar="WxH", help=SIZE_HELP)
     @click.option("--against", metavar="PICTURE", help="Judge this .exr or .npy instead of the plugin's picture.")
     @click.option("--report", metavar="DIR", help="Write results.json and report.html to this folder.")
     @click.option("-m", "--mode", "variant", metavar="VARIANT", help="Mitsuba variant, such as llvm_ad_rgb.")
@@ -75,6 +79,16 @@ def add_to(group: click.Group, defines: Callable[..., Any], folders: Callable[..
     del validate
 
 
+def _explaining(scene: str, options: dict[str, Any]) -> tuple[str, str]:
+    """Return the command that explains a pixel of the same picture, up to and from X Y."""
+    size, given = options["size"], [f"-m{options['variant']}"] if options["variant"] else []
+    given += [f"-D{key}={value}" for key, value in options["defines"].items()]
+    given += [f"-a{folder}" for folder in options["folders"]]
+    given += [f"--size={size[0]}x{size[1]}"] if size else []
+    given += [f"--{name}={options[name]}" for name, default in (("sensor", 0), ("grid", 1)) if options[name] != default]
+    return shlex.join(["whitted", "explain", scene]), shlex.join(given)
+
+
 def _judge(scenes: tuple[str, ...], options: dict[str, Any], folder: Path | str | None) -> int:
     from whitted_validation.explanation.report import explained
     from whitted_validation.report.verdicts import Judged, exit_code, write_verdicts
@@ -93,20 +107,23 @@ def _judge(scenes: tuple[str, ...], options: dict[str, Any], folder: Path | str 
     with processes() as workers:
         for scene in scenes:
             try:
-                with _progress(Path(scene).stem) as progress:
+                with shown(printable(Path(scene).stem)) as progress:
                     verdict = validate(scene, executor=workers, cache=cache_folder(), progress=progress, **options)
             except Refusal as refusal:
                 refused.append((scene, str(refusal)))
                 click.echo(f"whitted: {refusal}", err=True)
             else:
                 verdicts.append(verdict)
+                for remark in verdict.remarks:
+                    click.echo(f"whitted: {one_line(remark)}", err=True)
                 if folder:
                     request = Request(scene, verdict.variant, options["defines"], options["folders"], None, 0)
                     rays = explained(verdict, request, options["size"])
-                    pages.append(Judged(verdict, look(verdict.description, workers, verdict.sensor), rays))
+                    seen = look(verdict.description, workers, verdict.sensor)
+                    pages.append(Judged(verdict, seen, rays, _explaining(scene, options)))
                 click.echo(verdict.summary)
                 for difference in verdict.judgement.differences[:5]:
-                    reasons = f": {'; '.join(difference.reasons)}" if difference.reasons else ""
+                    reasons = printable(f": {'; '.join(difference.reasons)}") if difference.reasons else ""
                     click.echo(
                         f"  ({difference.x}, {difference.y}) {difference.status.name.lower()}, "
                         f"error {difference.error:.1e}, bound {difference.bound:.1e}{reasons}"
@@ -114,17 +131,3 @@ def _judge(scenes: tuple[str, ...], options: dict[str, Any], folder: Path | str 
             save(complete=False)
     save(complete=True)
     return exit_code(verdicts, refused)
-
-
-@contextmanager
-def _progress(name: str) -> Iterator[Callable[[int, int], None] | None]:
-    """Show a bar on a terminal; elsewhere nobody is watching."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(name)
-        yield lambda done, rows: bar.update(task, completed=done, total=rows)

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 import whitted_reference
 from whitted_reference.image import resized
 from whitted_validation.bounds import measure
-from whitted_validation.picture_reading import read_picture
+from whitted_validation.picture_reading import Picture, read_picture
+from whitted_validation.printable import printable
 from whitted_validation.refusal import Refusal, no_such_sensor
 from whitted_validation.request import Request
 from whitted_validation.verdict import Judgement, Status, judge
@@ -44,6 +45,7 @@ class Verdict:
     judgement : pictures, bounds, status and differences
     seconds : what it took
     description, sensor : what was traced, as the reference reads it, and from which of its sensors
+    remarks : what is to be said of a picture that was given, and of its scene
     """
 
     scene: Path
@@ -54,6 +56,7 @@ class Verdict:
     seconds: float
     description: whitted_reference.Scene
     sensor: int
+    remarks: tuple[str, ...] = ()
 
     @property
     def good(self) -> bool:
@@ -66,7 +69,7 @@ class Verdict:
         judgement = self.judgement
         height, width = judgement.status.shape
         counts = ", ".join(f"{judgement.count(status)} {status.name.lower()}" for status in reversed(Status))
-        return f"{self.scene.stem}: {counts} of {width} x {height} pixels"
+        return f"{printable(self.scene.stem)}: {counts} of {width} x {height} pixels"
 
     def __str__(self) -> str:
         return self.summary
@@ -146,6 +149,7 @@ def validate(
         If the scene is bad, or holds what the reference does not define.
     """
     start = time.perf_counter()
+    remarks: tuple[str, ...] = ()
     request = Request(str(scene_file), variant, dict(defines or {}), list(folders), None, 0)
     file = request.seen.file
     try:
@@ -158,7 +162,9 @@ def validate(
         if against is None:
             picture, drawn_by = _drawn(request, size, grid, sensor)
         else:
-            picture, drawn_by = _given_picture(against), ""
+            given = _given_picture(against)
+            picture, drawn_by = given.values.astype(np.float64), ""
+            remarks = (*given.remarks, *scene.messages)
         film = scene.sensors[sensor].film
         if picture.shape != (film.crop_height, film.crop_width, 3):
             raise Refusal(
@@ -172,7 +178,8 @@ def validate(
     except whitted_reference.SceneError as error:
         raise Refusal(str(error)) from None
     seconds = time.perf_counter() - start
-    return Verdict(file, drawn_by, "" if against is None else str(against), grid, judgement, seconds, scene, sensor)
+    name = "" if against is None else str(against)
+    return Verdict(file, drawn_by, name, grid, judgement, seconds, scene, sensor, remarks)
 
 
 @contextmanager
@@ -197,9 +204,9 @@ def _drawn(request: Request, size: tuple[int, int] | None, grid: int, sensor: in
     return np.repeat(picture, 3 // picture.shape[2], axis=2), variant  # of grey, three equal channels
 
 
-def _given_picture(path: Path) -> NDArray[np.float64]:
+def _given_picture(path: Path) -> Picture:
     """Read a picture that can be judged: no steps of 8 or 16 bits, which are far coarser than any bound."""
     picture = read_picture(path)
     if picture.stepped:
         raise Refusal(f"{picture.name}: a picture to be judged is .exr or .npy: linear, and not in steps")
-    return picture.values.astype(np.float64)
+    return picture

@@ -135,7 +135,8 @@ def judge(
         found = [each for each in found if each.status != Status.UNEXPLAINED] + settled
     for difference in found:
         judgement.status[difference.y, difference.x] = difference.status
-    judgement.differences = sorted(found, key=lambda d: (-d.status, -d.error, d.y, d.x))
+    largest = np.where(np.isfinite(error), error, np.inf).max(axis=2)
+    judgement.differences = sorted(found, key=lambda d: (-d.status, -largest[d.y, d.x], d.y, d.x))
     return judgement
 
 

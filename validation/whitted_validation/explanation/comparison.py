@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitsuba_whitted.seen import LightSeen, Numbers, RaySeen, SampleSeen
+from whitted_validation.printable import printable
 
 
 @dataclass(frozen=True)
@@ -174,7 +175,14 @@ _VALUES = [
     ("k_d", "k_d"),
     ("k_s", "k_s"),
 ]
-_OF_LIGHT = [("l", "l"), ("n.l", "n_l"), ("n.h", "n_h"), ("colour", "colour")]
+_OF_LIGHT = [
+    ("l", "l"),
+    ("n.l", "n_l"),
+    ("k_d I (n.l)", "diffuse"),
+    ("n.h", "n_h"),
+    ("k_s I (n.h)^p", "specular"),
+    ("colour", "colour"),
+]
 
 
 LONGEST_NAME = 40
@@ -184,6 +192,5 @@ def named(name: str | None) -> str:
     """Quote an id from a file for people: what does not print is spelt out, what is too long is cut, quotes differ."""
     if name is None:
         return "nothing"
-    printable = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in name)
-    text = "".join(printable).replace("`", "'")
+    text = printable(name).replace("`", "'")
     return f"`{text if len(text) <= LONGEST_NAME else text[: LONGEST_NAME - 3] + '...'}`"

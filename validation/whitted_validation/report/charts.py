@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from whitted_validation.report.sections import short
@@ -12,6 +12,7 @@ from whitted_validation.report.sections import short
 WIDTH, HEIGHT = 640, 340
 LEFT, RIGHT, TOP, BOTTOM = 76, 16, 20, 52
 MOST_TICKS = 9
+LETTER, LINE = 7.2, 12.0  # at most, of a figure and of words at the font size of page.css
 COLOURS = 6  # classes series-0 ... of page.css; more series than that repeat them with other dashes
 
 
@@ -132,10 +133,15 @@ class Bars:
                 base[place] += value
             drawn.append(f'<g class="series-{index % COLOURS}">{"".join(rectangles)}</g>')
         sums = "".join(
-            f'<text x="{LEFT + pitch * (place + 0.5):.1f}" y="{y(total) - 5:.1f}" text-anchor="middle">'
-            f"{short(total)}</text>"
-            for place, total in enumerate(totals)
-            if total
+            f'<text class="sum" x="{x:.1f}" y="{top:.1f}" text-anchor="middle">{text}</text>'
+            for x, top, text in _clear(
+                [
+                    (LEFT + pitch * (place + 0.5), y(total) - 5, _sum(total))
+                    for place, total in enumerate(totals)
+                    if total
+                ],
+                pitch,
+            )
         )
         every = math.ceil(len(self.labels) / MOST_TICKS)
         labels = "".join(
@@ -172,6 +178,21 @@ def _frame(x: _Axis | None, y: _Axis, x_label: str, y_label: str, x_ticks: Seque
         f'<text class="label" transform="translate(14 {middle}) rotate(-90)" text-anchor="middle">'
         f"{html.escape(y_label)}</text>"
     )
+
+
+def _sum(x: float) -> str:
+    return short(int(x)) if math.isfinite(x) and x == int(x) else short(x)
+
+
+def _clear(words: Sequence[tuple[float, float, str]], pitch: float) -> Iterator[tuple[float, float, str]]:
+    """Leave out words (x, y, text) that would reach into the next bar or cover the words before them."""
+    before: tuple[float, float, float] | None = None
+    for x, y, text in words:
+        half = LETTER * len(text) / 2
+        covered = before is not None and x - before[0] < half + before[2] and abs(y - before[1]) < LINE
+        if half <= 0.6 * pitch and not covered:  # bars are 0.8 pitch wide
+            before = x, y, half
+            yield x, y, text
 
 
 def _tick(x: float, log: bool) -> str:

@@ -11,6 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from whitted_validation.printable import printable
 from whitted_validation.refusal import Refusal
 from whitted_validation.report.results import encoded, with_header
 from whitted_validation.report.sections import Section, Table
@@ -53,7 +54,8 @@ def page(title: str, sections: Sequence[Section], facts: Mapping[str, Any], styl
         "img-src data:; base-uri 'none'; form-action 'none'"
     )
     made = Table(["made by", "version"], list(facts["environment"].items())).html()
-    command = html.escape(" ".join(["whitted", *facts["command"]]))
+    command = html.escape(printable(" ".join(["whitted", *facts["command"]])))
+    body = "\n".join(printable(line) for line in "".join(section.html() for section in sections).split("\n"))
     return f"""<!doctype html>
 <html lang="en">
 <head>
@@ -67,7 +69,7 @@ def page(title: str, sections: Sequence[Section], facts: Mapping[str, Any], styl
 <body>
 <header><h1>{html.escape(title)}</h1></header>
 <main>
-{"".join(section.html() for section in sections)}
+{body}
 <section id="environment"><h2>Environment</h2><p class="quiet"><code>{command}</code></p>{made}</section>
 </main>
 {_asset("viewer.html")}

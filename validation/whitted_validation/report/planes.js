@@ -44,6 +44,7 @@ class Pair {
     const pair = new Pair();
     const { width, height, planes } = data;
     Object.assign(pair, { width, height, of: data.of, step: data.step, names: data.names, told: data.told });
+    pair.command = data.command;
     pair.a = []; pair.b = []; pair.bound = []; pair.tail = [];
     for (let c = 0; c < 3; c++) {
       const a = await unpacked(planes["a" + c], width);
@@ -107,13 +108,16 @@ class Pair {
     return [...this.worst.keys()].filter((i) => this.place(i).join(",") in this.explained);
   }
 
-  /** Pixels to look at first: not equal, unexplained before explained, then by error; without a verdict the worst. */
+  /** Pixels to look at first: those that are told of, in that order; else unexplained, explained, the worst before. */
   listed(most) {
     const found = [];
     for (let i = 0; i < this.worst.length; i++) {
       if (this.status ? this.status[i] > 0 : this.worst[i] > 0) found.push(i);
     }
+    const told = new Map(Object.keys(this.told).map((place, k) => [place, k]));
+    const order = new Map(found.map((i) => [i, told.get(this.place(i).join(",")) ?? told.size]));
     const rank = (i) => (this.status ? this.status[i] : 0);
-    return found.sort((i, j) => rank(j) - rank(i) || this.worst[j] - this.worst[i] || i - j).slice(0, most);
+    const apart = (i, j) => (this.worst[i] === this.worst[j] ? 0 : this.worst[j] - this.worst[i]);
+    return found.sort((i, j) => order.get(i) - order.get(j) || rank(j) - rank(i) || apart(i, j) || i - j).slice(0, most);
   }
 }

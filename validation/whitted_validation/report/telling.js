@@ -34,7 +34,7 @@ function tell(viewer, i) {
     description.textContent = text;
     facts.append(term, description);
   };
-  for (const [name, { plane, texts }] of Object.entries(pair.labels)) fact(name, texts[plane[i]]);
+  for (const [name, { plane, texts }] of Object.entries(pair.labels)) if (texts[plane[i]]) fact(name, texts[plane[i]]);
   for (const [name, plane] of Object.entries(pair.numbers)) fact(name, String(plane[i]));
 }
 
@@ -42,10 +42,11 @@ function tell(viewer, i) {
 function explain(viewer, i) {
   const place = i === null ? "" : viewer.pair.place(i).join(",");
   const explanation = viewer.pair.explained[place];
-  const section = viewer.find(".rays");
-  section.hidden = explanation === undefined;
-  viewer.find(".rays h3").textContent = `The rays of pixel ${place.replace(",", ", ")}`;
-  viewer.find(".rays div").innerHTML = explanation ?? ""; // escaped where it was made; nothing in it may run
+  viewer.find(".rays").hidden = explanation === undefined;
+  viewer.find(".rays").innerHTML = explanation ?? ""; // escaped where it was made; nothing in it may run
+  const [before, after] = viewer.pair.command;
+  viewer.find(".not-drawn").hidden = i === null || explanation !== undefined || !before;
+  viewer.find(".not-drawn code").textContent = [before, place.replace(",", " "), after].join(" ").trim();
 }
 
 /** A text, with what stands in `backticks` as a name. */

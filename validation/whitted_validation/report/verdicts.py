@@ -6,6 +6,7 @@ results.json of validate, after the keys of all commands (see the package):
     sentence    the verdict in words
     scenes      one object a scene, in the order in which they were judged:
         name, file, variant, against, grid, width, height, seconds, sentence
+        remarks     what is to be said of a picture that was given, and of its scene
         pixels      equal, explained, unexplained: numbers of pixels
         certified   what vouches for B and its bound: rounding, noise, interval, decimal (numbers of pixels)
         chaotic     number of pixels where most draws decide otherwise: beyond float32
@@ -14,8 +15,8 @@ results.json of validate, after the keys of all commands (see the package):
         error       median, largest: of |A - B| over all pixels, worst channel
         bound       median, largest
         by_bounce   one object for each number of mirrors on the way of the pixel's middle: bounces, pixels, unequal,
-                    median, largest (error), ratio (largest of error / bound), errors (numbers of pixels: no error,
-                    then one for each of DECADES, the last one open)
+                    median, largest (error), ratio (largest of error / bound but for explained pixels), errors
+                    (numbers of pixels: no error, then one for each of DECADES, the last one open)
         differences the pixels that are not equal, unexplained ones first, the largest error first, at most
                     MOST_LISTED: x, y, status, error, bound, reasons, told (why, in words), alternatives, complete,
                     settled_by (the arithmetic in which B was computed again, or empty)
@@ -74,11 +75,13 @@ class Judged:
     Attributes
     ----------
     explained : {"x,y": HTML}: the rays of a pixel drawn, for those that are most likely to be asked about
+    command : what explains any other pixel: a command line up to, and from, "X Y"
     """
 
     verdict: Verdict
     seen: Seen
     explained: Mapping[str, str] = field(default_factory=dict)
+    command: tuple[str, str] = ("", "")
 
     @cached_property
     def facts(self) -> dict[str, Any]:
@@ -133,6 +136,7 @@ def _scene(verdict: Verdict, seen: Seen) -> dict[str, Any]:
         "width": width,
         "height": height,
         "seconds": round(verdict.seconds, 2),
+        "remarks": list(verdict.remarks),
         "pixels": {status.name.lower(): judgement.count(status) for status in Status},
         "certified": {means.name.lower(): int((bounds.means == means).sum()) for means in Means},
         "chaotic": int(bounds.chaotic.sum()),
@@ -149,6 +153,7 @@ def _bounce(verdict: Verdict, error: NDArray[np.float64], there: NDArray[np.bool
     judgement, chosen = verdict.judgement, error[there]
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.abs(judgement.picture - judgement.bounds.colour)[there] / judgement.bounds.bound[there]
+    explained = judgement.status[there] == Status.EXPLAINED
     edges = [0.0, np.nextafter(0.0, 1.0), *(10.0**power for power in DECADES), np.inf]
     counts = [int(((low <= chosen) & (chosen < high)).sum()) for low, high in pairwise(edges)]
     counts[-1] += int(np.isinf(chosen).sum())
@@ -158,7 +163,7 @@ def _bounce(verdict: Verdict, error: NDArray[np.float64], there: NDArray[np.bool
         "unequal": int((judgement.status[there] != Status.EQUAL).sum()),
         "median": float(np.median(chosen)),
         "largest": float(chosen.max()),
-        "ratio": float(np.where(np.isnan(ratio), 0.0, ratio).max()),
+        "ratio": float(np.where(np.isnan(ratio) | explained[:, None], 0.0, ratio).max()),
         "errors": counts,
     }
 
@@ -234,11 +239,12 @@ def _table(scenes: Sequence[tuple[Mapping[str, Any], str]]) -> Table:
                 scene["seconds"],
             ]
         )
-    return Table(columns, rows)
+    return Table(columns, rows, "Errors are |A - B| of the worst channel; error / bound leaves explained pixels out.")
 
 
 def _about(judged: Judged) -> list[Section]:
-    return [viewer(judged), _histogram(judged.facts), _bounces(judged.facts)]
+    remarks = [Sentence(remark, "quiet") for remark in judged.verdict.remarks]
+    return [*remarks, viewer(judged), _histogram(judged.facts), _bounces(judged.facts)]
 
 
 def viewer(judged: Judged) -> Viewer:
@@ -259,6 +265,7 @@ def viewer(judged: Judged) -> Viewer:
         },
         told={f"{d.x},{d.y}": why(d, bool(finite[d.y, d.x])) for d in judgement.differences},
         explained=judged.explained,
+        command=judged.command,
     )
 
 

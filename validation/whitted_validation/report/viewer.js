@@ -15,6 +15,7 @@ class Viewer {
     this.view = "split"; this.exposure = 0; this.unit = "absolute"; this.divide = 0.5;
     this.chosen = null; this.hovered = null; this.pointers = new Map();
     this.marked = pair.status ? pair.listed(MOST_MARKED) : [];
+    this.drawn = pair.drawn();
     this.listed = pair.status ? this.marked.slice(0, MOST_LISTED) : pair.listed(20);
     element.append(document.getElementById("viewer").content.cloneNode(true));
     this.find = (selector) => element.querySelector(selector);
@@ -24,8 +25,10 @@ class Viewer {
     this.list();
     new ResizeObserver(() => this.resize()).observe(this.find(".canvas"));
     this.resize();
-    tell(this, this.listed.length ? this.listed[0] : 0);
-    if (this.listed.length && pair.status) this.choose(this.listed[0], false);
+    // At first the worst pixel; if all are equal, one whose rays are drawn.
+    const first = this.listed[0] ?? this.drawn[this.drawn.length >> 1];
+    tell(this, first ?? 0);
+    if (first !== undefined && pair.status) this.choose(first, false);
   }
 
   // ---------------------------------------------------------------------------------------------- controls
@@ -111,7 +114,7 @@ class Viewer {
     this.find(".unequal .heading").textContent = !this.pair.status ? "Pixels that differ most"
       : unequal > count ? `The first ${count} of ${unequal} unequal pixels, the worst first` : "Unequal pixels, the worst first";
     for (const i of this.listed) this.find(".unequal ol").append(this.button(i));
-    const drawn = this.pair.drawn().filter((i) => !this.listed.includes(i));
+    const drawn = this.drawn.filter((i) => !this.listed.includes(i));
     this.find(".drawn").hidden = drawn.length === 0;
     for (const i of drawn) this.find(".drawn ol").append(this.button(i));
   }

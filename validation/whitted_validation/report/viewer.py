@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whitted_validation.printable import printable
+
 MOST_PIXELS = 1 << 20
 """A larger pair is shown by the worst pixel of each block: a page beyond that is no pleasure to open."""
 
@@ -39,9 +41,10 @@ class Viewer:
     status : (height, width), 0 equal, 1 explained, 2 unexplained; None for a comparison without a verdict
     numbers : whole numbers to show of each pixel, such as {"bounces": (height, width)}
     labels : texts to show of each pixel: {"object": ((height, width) indices, texts)}
-    told : {"x,y": why the two differ there}, in words
+    told : {"x,y": why the two differ there}, in words; pixels are listed in this order
     explained : {"x,y": HTML}, an explanation of that pixel by its rays, made safe by who wrote it; shown when the
         pixel is chosen
+    command : what explains any other pixel: a command line up to, and from, "X Y"
     """
 
     a: NDArray[np.floating]
@@ -53,6 +56,7 @@ class Viewer:
     labels: Mapping[str, tuple[NDArray[np.integer], Sequence[str]]] = field(default_factory=dict)
     told: Mapping[str, str] = field(default_factory=dict)
     explained: Mapping[str, str] = field(default_factory=dict)
+    command: tuple[str, str] = ("", "")
 
     def html(self) -> str:
         """Return a place for the viewer, with its data as JSON that cannot end its element."""
@@ -95,14 +99,18 @@ class Viewer:
             "height": rows.shape[0],
             "of": [width, height],
             "step": step,
-            "names": list(self.names),
+            "names": [printable(name) for name in self.names],
             "planes": planes,
             "numbers": {name: _packed(shown(plane)) for name, plane in self.numbers.items()},
             "labels": {
-                name: {"plane": _packed(shown(plane)), "texts": _deflated(json.dumps(list(texts)).encode())}
+                name: {
+                    "plane": _packed(shown(plane)),
+                    "texts": _deflated(json.dumps([printable(text) for text in texts]).encode()),
+                }
                 for name, (plane, texts) in self.labels.items()
             },
-            "told": dict(self.told),
+            "command": [printable(words) for words in self.command],
+            "told": {place: printable(text) for place, text in self.told.items()},
             "explained": _deflated(json.dumps(dict(self.explained)).encode()) if self.explained else None,
         }
 

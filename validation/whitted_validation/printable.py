@@ -1,0 +1,13 @@
+"""Names from files, as they can be shown to people without harm."""
+
+from __future__ import annotations
+
+_HARMLESS = "\N{NO-BREAK SPACE}\N{ZERO WIDTH JOINER}\N{ZERO WIDTH NON-JOINER}"  # within tables, emoji, Persian words
+
+
+def printable(text: object) -> str:
+    r"""Spell out what a terminal would obey, what turns the direction of writing, and what cannot be shown.
+
+    An escape becomes ``\x1b``, a line feed ``\n``, half a surrogate pair (a file name that is not UTF-8) ``\udce9``.
+    """
+    return "".join(c if c.isprintable() or c in _HARMLESS else c.encode("unicode_escape").decode() for c in str(text))
