@@ -152,8 +152,11 @@ def render(
 
     drawing.switch(loaded, switches)
     with _progress(picture_file.name) as progress, drawing.Stopwatch() as kernels:
-        picture = drawing.render(loaded, grid, progress)
-    picture_files.write(picture_file, picture, exposure or 0.0)
+        if picture_file.suffix.lower() == ".npy":  # grows on disk, however large it gets
+            height = int(loaded.sensor.film().crop_size()[1])
+            picture_files.write_bands(picture_file, height, drawing.bands(loaded, grid, progress))
+        else:
+            picture_files.write(picture_file, drawing.render(loaded, grid, progress), exposure or 0.0)
     if stats:
         total = time.perf_counter() - start
         for line in drawing.statistics(loaded, grid, kernels, total):

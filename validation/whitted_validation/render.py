@@ -54,6 +54,17 @@ def render(loaded: Loaded, grid: int | None, progress: Callable[[int, int], None
     return np.array(picture, dtype=np.float32)
 
 
+def bands(
+    loaded: Loaded, grid: int | None, progress: Callable[[int, int], None] | None = None
+) -> Iterator[NDArray[np.float32]]:
+    """Draw the same rows top down, (rows, width, channels) at a time, of which no more than one band is held."""
+    height = int(loaded.sensor.film().crop_size()[1])
+    for top, rows in loaded.integrator.render_in_bands(loaded.scene, loaded.sensor, spp=grid**2 if grid else 0):
+        yield rows
+        if progress:
+            progress(top + len(rows), height)
+
+
 class Stopwatch:
     """Time that kernels take to compile and to run, in seconds, while Dr.Jit records it."""
 
