@@ -53,7 +53,7 @@ def expose(film: mi.Film, n: int, draw: Draw, progress: Progress | None = None) 
             pixel, x, y, inside = _tiles(width, top, bottom)
             canvas.put(pixel, _planes(*draw(x + 0.5, y + 0.5, inside)), inside)
         elif box:
-            canvas.put_rows(top, _means(_samples(width, top, bottom, n, draw), n))
+            canvas.put_rows(top, means(_samples(width, top, bottom, n, draw), n))
         else:
             margin = math.ceil(float(film.rfilter().radius()) - 0.5)
             above, below = max(0, top - margin), min(height, bottom + margin)
@@ -130,9 +130,13 @@ def _sub_pixels(width: int, top: int, bottom: int, n: int) -> tuple[Any, Any]:
     size = opaque(mi.Vector3u(width, top, n))
     lane = dr.arange(mi.UInt32, width * (bottom - top) * n * n)
     pixel, part = lane // (size.z * size.z), lane % (size.z * size.z)
-    x = mi.Float(pixel % size.x) + (mi.Float(part % size.z) + 0.5) / mi.Float(size.z)
-    y = mi.Float(pixel // size.x + size.y) + (mi.Float(part // size.z) + 0.5) / mi.Float(size.z)
-    return x, y
+    return sub_pixel(pixel % size.x, pixel // size.x + size.y, part, size.z)
+
+
+def sub_pixel(x: Any, y: Any, part: Any, n: Any) -> tuple[Any, Any]:
+    """Position of sample number `part` of the n x n of pixel (x, y), row by row; UInt32 or int."""
+    i, j, size = mi.Float(part % n), mi.Float(part // n), mi.Float(n)
+    return mi.Float(x) + (i + 0.5) / size, mi.Float(y) + (j + 0.5) / size
 
 
 def _positions(width: int, top: int, bottom: int, n: int) -> Iterator[tuple[float, float]]:
@@ -140,7 +144,7 @@ def _positions(width: int, top: int, bottom: int, n: int) -> Iterator[tuple[floa
     for y in range(top, bottom):
         for x in range(width):
             for part in range(n * n):
-                yield x + (part % n + 0.5) / n, y + (part // n + 0.5) / n
+                yield sub_pixel(x, y, part, n)
 
 
 def _planes(colour: Any, hit: Any) -> list[Any]:
@@ -148,8 +152,8 @@ def _planes(colour: Any, hit: Any) -> list[Any]:
     return [*colour, dr.select(hit, mi.Float(1), mi.Float(0))]
 
 
-def _means(samples: Any, n: int) -> Any:
-    """Average the samples of each pixel."""
+def means(samples: Any, n: int) -> Any:
+    """Average the samples of each pixel, given flat as (channels, pixel, n, n)."""
     if dr.is_jit_v(mi.Float):
         return dr.block_sum(samples, n * n) * (1 / (n * n)) if n > 1 else samples
     return samples.reshape(len(samples), -1, n * n).mean(axis=2)

@@ -12,8 +12,10 @@ import mitsuba as mi
 from mitsuba_whitted import film
 from mitsuba_whitted.camera import Camera, Rays
 from mitsuba_whitted.errors import SceneError
+from mitsuba_whitted.explain import explain
 from mitsuba_whitted.materials import constant
 from mitsuba_whitted.plan import Plan, plan_of
+from mitsuba_whitted.seen import PixelSeen
 from mitsuba_whitted.stage import Settings, Stage
 from mitsuba_whitted.trace import trace
 
@@ -177,6 +179,15 @@ def define() -> type[mi.SamplingIntegrator]:
         def plan(self, scene: mi.Scene) -> Plan:
             """Say what the kernel for `scene` holds."""
             return self._prepare(scene)[1]
+
+        def explain(self, scene: mi.Scene, x: int, y: int, sensor: mi.Sensor | int = 0, spp: int = 0) -> PixelSeen:
+            """Say how pixel (x, y) of the picture came about: every ray, cosine and colour; `spp` as in `render`."""
+            sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
+            width, height = (int(size) for size in sensor.film().crop_size())
+            if not (0 <= x < width and 0 <= y < height):
+                raise SceneError(f"pixel ({x}, {y}) is not in the picture of {width} x {height} pixels")
+            stage, plan = self._prepare(scene)
+            return explain(stage, plan, self._look_through(sensor).rays, x, y, self._grid(sensor, spp))
 
         def count_rays(self, scene: mi.Scene, sensor: mi.Sensor | int = 0, spp: int = 0) -> dict[str, int]:
             """Count the rays of a picture by tracing it once more: `camera`, `mirror` and `shadow` rays."""

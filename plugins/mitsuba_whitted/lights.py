@@ -36,8 +36,9 @@ class Sample(NamedTuple):
 class Lights:
     """Lights of one kind."""
 
-    def __init__(self, kind: str, rows: list[list[float]], radiant: list[list[float]]) -> None:
+    def __init__(self, kind: str, ids: list[str], rows: list[list[float]], radiant: list[list[float]]) -> None:
         self.kind = kind
+        self.ids = ids
         self.count = len(rows)
         self._rows = column(rows)
         self._width = len(rows[0]) // 3
@@ -90,6 +91,7 @@ class Lights:
 
 def lights_of(graph: SceneGraph) -> list[Lights]:
     """Sort the delta lights of a scene by kind, each kind in the order of the scene."""
+    ids: dict[str, list[str]] = {}
     rows: dict[str, list[list[float]]] = {}
     radiant: dict[str, list[list[float]]] = {}
     for emitter in graph.emitters:
@@ -99,9 +101,10 @@ def lights_of(graph: SceneGraph) -> list[Lights]:
             row, colour = read(graph, emitter)
             if not np.all(np.isfinite(row)):
                 raise SceneError(f"emitter `{emitter.id()}`: its position or angles {row} are not finite")
+            ids.setdefault(name, []).append(emitter.id())
             rows.setdefault(name, []).append(row)
             radiant.setdefault(name, []).append(colour)
-    return [Lights(name, rows[name], radiant[name]) for name in rows]
+    return [Lights(name, ids[name], rows[name], radiant[name]) for name in rows]
 
 
 def lights_nothing(graph: SceneGraph) -> list[str]:

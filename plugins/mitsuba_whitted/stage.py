@@ -76,6 +76,11 @@ class Stage:
         si.wi = -d
         return self.environment.eval(si, active)
 
+    def name_of(self, shape: int, instance: int) -> str:
+        """Id of the shape in row `shape`, after that of the instance which placed it, counted from 1, if any did."""
+        name = self._graph.all_shapes[shape].id()
+        return f"{self._graph.instances[instance - 1].id()}/{name}" if instance else name
+
     def _take(self, settings: Settings) -> None:
         self.settings = settings
         unlimited = settings.max_depth < 0

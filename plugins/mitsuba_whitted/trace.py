@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -44,7 +45,15 @@ class _Ray(NamedTuple):
     active: Any
 
 
-def trace(stage: Stage, plan: Plan, rays: Rays, active: Any = True) -> Traced:
+Note = Callable[..., None]
+"""Called with the name of what has happened to a ray, and the values of that: see `explain`."""
+
+
+def _unheard(_what: str, **_values: Any) -> None:
+    """Take no notes; Dr.Jit drops what nobody reads, so that the kernel stays as it is."""
+
+
+def trace(stage: Stage, plan: Plan, rays: Rays, active: Any = True, note: Note = _unheard) -> Traced:
     """Follow camera rays and all that they cause (Shirley et al. 2009, section 4.8; Whitted 1980).
 
     Parameters
@@ -57,6 +66,8 @@ def trace(stage: Stage, plan: Plan, rays: Rays, active: Any = True) -> Traced:
         Camera rays, one a lane.
     active : Bool
         Lanes that count.
+    note
+        Told what happens in between. It may keep values only while loops are evaluated, not recorded.
     """
     rays = stage.surfaces.approached(rays) if plan.shapes else rays
     state = _Ray(
@@ -76,23 +87,25 @@ def trace(stage: Stage, plan: Plan, rays: Rays, active: Any = True) -> Traced:
         final: tuple[Any, ...] = dr.while_loop(
             tuple(state),
             lambda *ray: ray[-1],
-            lambda *ray: tuple(_bounce(stage, plan, _Ray(*ray))),
+            lambda *ray: tuple(_bounce(stage, plan, _Ray(*ray), note)),
             label="mirror bounces",
         )
         state = _Ray(*final)
     else:
-        state = _bounce(stage, plan, state)
+        state = _bounce(stage, plan, state, note)
     return Traced(state.colour, state.hit, state.shadow_rays, state.mirror_rays)
 
 
-def _bounce(stage: Stage, plan: Plan, ray: _Ray) -> _Ray:
+def _bounce(stage: Stage, plan: Plan, ray: _Ray, note: Note) -> _Ray:
     """Do what ``raycolor`` does for one ray, and return the mirrored ray in place of the recursive call."""
+    note("ray", k=ray.k, o=ray.o, d=ray.d, throughput=ray.throughput)
     depth = ray.k + 1
     sees_lamps = ray.active & (depth <= stage.max_depth)
     colour = mi.Spectrum(0)
     if not plan.shapes:
         if plan.background:
             colour = dr.select(sees_lamps, stage.background(ray.d, sees_lamps), 0)
+        note("sum", colour=colour)
         return ray._replace(colour=colour)
 
     traversal = mi.Ray3f(ray.o + ray.shift, ray.d, ray.end, 0, [])
@@ -115,6 +128,8 @@ def _bounce(stage: Stage, plan: Plan, ray: _Ray) -> _Ray:
         shines = sees_lamps & in_front
         colour = dr.select(shines, stage.emission.at(hit.shape, si, shines), colour)
 
+    note("surface", pi=pi, found=found, p=hit.p, n=n, n_g=n_g, in_front=in_front, behind=behind, emitted=colour)
+
     lit = (in_front | behind) & (depth < stage.max_depth)
     material = stage.materials.row_of(hit.shape, behind, lit)
 
@@ -122,7 +137,9 @@ def _bounce(stage: Stage, plan: Plan, ray: _Ray) -> _Ray:
         return k.at(material, si, lit)
 
     if plan.ambient:
-        colour += dr.select(lit, coefficient(stage.materials.k_a) * stage.ambient, 0)
+        ambient = dr.select(lit, coefficient(stage.materials.k_a) * stage.ambient, 0)
+        note("ambient", colour=ambient)
+        colour += ambient
 
     shadow_rays = mi.UInt32(0)
     if plan.lights:
@@ -130,6 +147,8 @@ def _bounce(stage: Stage, plan: Plan, ray: _Ray) -> _Ray:
         k_s = coefficient(stage.materials.k_s) if plan.specular else mi.Spectrum(0)
         exponent = coefficient(stage.materials.exponent) if plan.specular else mi.Float(0)
         reflects = lit & dr.any((k_d + k_s) > 0)
+
+        note("coefficients", k_d=k_d, k_s=k_s, exponent=exponent)
 
         def contribution(light: Sample) -> tuple[Any, Any]:
             """k_d I (n.l) + k_s I (n.h)^p if the light is above the horizon and not in shadow; rays asked."""
@@ -139,15 +158,20 @@ def _bounce(stage: Stage, plan: Plan, ray: _Ray) -> _Ray:
             if plan.specular:
                 h = dr.normalize(v + light.l)
                 f += k_s * precise.specular_power(n, h, exponent)
-            if not plan.shadows:
-                return dr.select(facing, f * light.colour, 0), mi.UInt32(0)
-            visible = facing & (_in_shadow(stage, plan, hit, n_g, light, facing) ^ True)
-            return dr.select(visible, f * light.colour, 0), dr.select(facing, mi.UInt32(1), mi.UInt32(0))
+            visible = facing
+            if plan.shadows:
+                shadow_ray = _shadow_ray(stage, plan, hit, n_g, light)
+                visible = facing & (stage.surfaces.blocked(shadow_ray, facing) ^ True)
+                note("shadow ray", ray=shadow_ray)
+            added = dr.select(visible, f * light.colour, 0)
+            note("light", light=light, facing=facing, visible=visible, colour=added)
+            return added, dr.select(facing, mi.UInt32(1), mi.UInt32(0)) if plan.shadows else mi.UInt32(0)
 
         for lights in stage.lights:
             light_sum, asked = lights.sum(contribution, hit.p, plan.inverse_square)
             colour += light_sum
             shadow_rays += asked
+    note("sum", lit=lit, colour=colour)
     if not plan.mirrors:
         return ray._replace(colour=colour, hit=found, shadow_rays=shadow_rays)
 
@@ -161,6 +185,7 @@ def _bounce(stage: Stage, plan: Plan, ray: _Ray) -> _Ray:
         shift = stage.epsilon * r
     else:
         shift, _ = precise.ray_offset(n_g, r, hit.reach, stage.surfaces.least_reach)
+    note("mirror", k_m=k_m, r=r, goes_on=goes_on)
     return _Ray(
         k=depth,
         o=hit.p,
@@ -176,15 +201,14 @@ def _bounce(stage: Stage, plan: Plan, ray: _Ray) -> _Ray:
     )
 
 
-def _in_shadow(stage: Stage, plan: Plan, hit: Hit, n_g: Any, light: Sample, active: Any) -> Any:
-    """Whether anything lies on the open segment from the hit point to the light."""
+def _shadow_ray(stage: Stage, plan: Plan, hit: Hit, n_g: Any, light: Sample) -> mi.Ray3f:
+    """Make the open segment from the hit point to the light."""
     if plan.epsilon:
         shift, end = stage.epsilon * light.l, light.distance - stage.epsilon
     else:
         shift, length = precise.ray_offset(n_g, light.l, hit.reach, stage.surfaces.least_reach)
         end = light.end - length
-    ray = mi.Ray3f(hit.p + shift, mi.Vector3f(light.l), mi.Float(end), 0, [])
-    return stage.surfaces.blocked(ray, active)
+    return mi.Ray3f(hit.p + shift, mi.Vector3f(light.l), mi.Float(end), 0, [])
 
 
 def _surface_interaction(hit: Hit) -> mi.SurfaceInteraction3f:

@@ -156,7 +156,7 @@ def compare_mesh(mesh: scene.Mesh, p: mi.SceneParameters, whole: scene.Scene) ->
         limits = [100 * 2.0**-24 * factor for factor in cancellation(mesh)]
     primitives = [q for q in Tracer(whole).primitives if q.surface.id == name]
     for primitive, face in zip(primitives, [f for f in mesh.faces if is_solid(mesh, f)], strict=True):
-        for n, i in zip(primitive._normals, face, strict=True):
+        for n, i in zip(primitive.vertex_normals, face, strict=True):
             sign = -1 if mesh.flip else 1
             assert all(abs(sign * a - b) <= limits[i] for a, b in zip(n, theirs[3 * i : 3 * i + 3], strict=True)), name
 

@@ -334,7 +334,7 @@ REFERENCE: dict[str, Patch] = {
         Sphere, "normals", lambda f: lambda self, e, d, t, p: f(self, e, d, t, (p[0], p[1] + 1e-3, p[2]))
     ),
     "cone without a ramp": replaced(
-        reference_lights.Spot, "share", lambda _: lambda self, theta: 1.0 if theta < self._cutoff else 0.0
+        reference_lights.Spot, "share", lambda _: lambda self, theta: 1.0 if theta < self.cutoff else 0.0
     ),
     "lamps a thousandth darker": replaced(
         reference_lights.Point,

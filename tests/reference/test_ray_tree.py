@@ -60,10 +60,10 @@ def test_margin_is_the_distance_by_which_a_ray_may_move_before_it_meets_or_misse
         def meets(e, d=d, primitive=primitive) -> bool:
             return primitive.hit(*e, *d, -100.0, 100.0) is not None
 
-        found = margin(primitive, e, d)
+        found = margin(primitive, e, d).distance
         before = meets(e)
-        assert (found.distance > 0) == before
-        by = abs(found.distance)
+        assert (found > 0) == before
+        by = abs(found)
         for aside in around(d):
             # Less by a part in a million, for the rounding of both.
             assert meets(add(e, scaled(aside, by * (1 - 1e-6)))) == before
@@ -170,7 +170,7 @@ def test_flipping_horizon_facing_mirror_and_order(load_scene):
     # The second plane first: it is lit, for the first does not stand in its light in that picture... but
     # it does: order and shadow are two decisions.
     assert grey(Key(0, "nearer", "", 1)) == 0.0
-    assert grey(Key(0, "nearer", "", 1), Key(0, "blocks", "sun", 0)) == 0.25
+    assert grey(Key(0, "nearer", "", 1), Key(0, "blocks", "sun", 0, wall=1)) == 0.25
     kinds = {decision.kind for decision in recorder.record_ray(*ray).decisions}
     assert {"tie", "horizon n.l = 0", "facing", "mirror"} <= kinds
 

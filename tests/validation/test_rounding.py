@@ -12,7 +12,9 @@ import whitted_reference
 from whitted_reference import Scene
 from whitted_reference.shapes import Sphere
 from whitted_validation import noise, scene_files
-from whitted_validation.rounding import Follower, Rounding, U, chain, length, radius
+from whitted_validation.forms import length, radius
+from whitted_validation.rounding import Follower, Rounding, chain
+from whitted_validation.roundoffs import U
 from whitted_validation.textures import Slopes
 
 SIZE = 16

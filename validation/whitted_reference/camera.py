@@ -10,17 +10,24 @@ from whitted_reference.vectors import Number, Vec
 
 
 class Camera:
-    """Looks along the local +z axis, with +x to the left and +y up."""
+    """Looks along the local +z axis, with +x to the left and +y up.
+
+    Attributes
+    ----------
+    eye : image of the local origin
+    perspective : whether all rays pass through the eye
+    """
 
     def __init__(self, sensor: scene.Sensor, arithmetic: Arithmetic) -> None:
         self._rows = [arithmetic.vec(row) for row in sensor.to_world.matrix]
+        self.eye: Vec = arithmetic.vec(sensor.to_world.column(3))
         self._film = sensor.film
         self._of = arithmetic.of
         self._sqrt = arithmetic.sqrt
         self._before = arithmetic.before
         self._principal = arithmetic.vec(sensor.principal)
         self._near, self._far = arithmetic.of(sensor.near), arithmetic.of(sensor.far)
-        self._perspective = sensor.x_fov is not None
+        self.perspective = sensor.x_fov is not None
         # The tangent is computed once in double precision and is an exact input from here on.
         half_width = 1.0 if sensor.x_fov is None else math.tan(math.radians(0.5 * sensor.x_fov))
         self._half_width = arithmetic.of(half_width)
@@ -40,14 +47,14 @@ class Camera:
         cx = (1 - 2 * fx) * self._half_width
         cy = (1 - 2 * fy) * self._half_width * film.height / film.width
         near, depth = self._near, self._far - self._near
-        if self._perspective:
+        if self.perspective:
             e = self._world((cx * near, cy * near, near), 1)
             d = self._world((cx, cy, 1), 0)
         else:
             e = self._world((cx, cy, near), 1)
             d = self._world((0, 0, 1), 0)
         length = self._sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-        end = depth * length if self._perspective else depth
+        end = depth * length if self.perspective else depth
         return e, (d[0] / length, d[1] / length, d[2] / length), self._before(of(0)), end
 
     def _world(self, v: Vec, w: int) -> Vec:

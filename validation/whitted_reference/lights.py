@@ -5,7 +5,7 @@ from __future__ import annotations
 from whitted_reference import scene
 from whitted_reference.arithmetic import Arithmetic
 from whitted_reference.transforms import inverse_linear
-from whitted_reference.vectors import BLACK, Colour, Number
+from whitted_reference.vectors import BLACK, Colour, Number, Vec
 
 # Unit vector towards the light, its distance, and the colour that arrives where nothing blocks it.
 Arrival = tuple[Number, Number, Number, Number, Colour]
@@ -31,13 +31,15 @@ class Point:
 
     def __init__(self, light: scene.PointLight | scene.SpotLight, falloff: bool, arithmetic: Arithmetic) -> None:
         self.id = light.id
-        self._data = (*arithmetic.vec(light.position), *arithmetic.vec(light.intensity))
-        self._falloff = falloff
+        self.position: Vec = arithmetic.vec(light.position)
+        self._intensity: Colour = arithmetic.vec(light.intensity)
+        self.falloff = falloff
         self._sqrt = arithmetic.sqrt
 
     def arrive(self, x: Number, y: Number, z: Number) -> Arrival | None:
         """Return what arrives at (x, y, z): exactly at the light nothing, from nowhere."""
-        lx, ly, lz, red, green, blue = self._data
+        lx, ly, lz = self.position
+        red, green, blue = self._intensity
         lx -= x
         ly -= y
         lz -= z
@@ -45,7 +47,7 @@ class Point:
         if squared == 0:
             return 0, 0, 0, 0, BLACK
         distance = self._sqrt(squared)
-        if self._falloff:
+        if self.falloff:
             red /= squared
             green /= squared
             blue /= squared
@@ -57,22 +59,22 @@ class Spot(Point):
 
     def __init__(self, light: scene.SpotLight, falloff: bool, arithmetic: Arithmetic) -> None:
         super().__init__(light, falloff, arithmetic)
-        self._to_local = [[arithmetic.ratio(x) for x in row] for row in inverse_linear(light.to_world.matrix)]
-        self._cutoff = arithmetic.of(light.cutoff_angle)
-        self._beam = arithmetic.of(light.beam_width)
+        self.to_local = [[arithmetic.ratio(x) for x in row] for row in inverse_linear(light.to_world.matrix)]
+        self.cutoff = arithmetic.of(light.cutoff_angle)
+        self.beam = arithmetic.of(light.beam_width)
         self._atan2 = arithmetic.atan2
 
     def angle(self, lx: Number, ly: Number, lz: Number) -> Number:
         """Return theta of the direction (-lx, -ly, -lz) away from the light."""
-        x, y, z = (-(a * lx + b * ly + c * lz) for a, b, c in self._to_local)
+        x, y, z = (-(a * lx + b * ly + c * lz) for a, b, c in self.to_local)
         return self._atan2(self._sqrt(x * x + y * y), z)
 
     def share(self, theta: Number) -> Number:
         """Return f(theta)."""
-        if theta <= self._beam:
+        if theta <= self.beam:
             return 1
-        if theta < self._cutoff:
-            return (self._cutoff - theta) / (self._cutoff - self._beam)
+        if theta < self.cutoff:
+            return (self.cutoff - theta) / (self.cutoff - self.beam)
         return 0
 
     def arrive(self, x: Number, y: Number, z: Number) -> Arrival | None:

@@ -1,25 +1,53 @@
-"""How far does a ray pass from the outline of a primitive? For those who ask what nearly happened.
+"""How does a ray's line pass a primitive? For those who ask what nearly happened.
 
-A margin is the distance, in world units, by which the ray's line may move sideways before it meets what
-it misses, or misses what it meets; positive where it meets. For spheres, parallelograms, triangles and
-polygons it is that distance, for disks, tubes and instances a lower bound. It is computed in floats: it
+A margin is the distance, in world units, by which the line may move sideways before a yes/no decision about
+it falls otherwise; positive where the answer is yes. For the outlines of spheres, parallelograms, triangles
+and polygons it is that distance, for disks, tubes and instances a lower bound. It is computed in floats: it
 says how close a decision was, it never decides.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from whitted_reference.instances import Placed
 from whitted_reference.polygon import Polygon
-from whitted_reference.shapes import Cylinder, Disk, Parallelogram, Primitive, Sphere, Triangle
+from whitted_reference.shapes import Cylinder, Disk, Parallelogram, Primitive, Sphere
+from whitted_reference.triangles import Triangle
 from whitted_reference.vectors import Vec, add, dot, scaled, sub
 
 
 @dataclass(frozen=True)
+class Place:
+    """Where the line meets the surface: the distance t along it, and the margin by which it does so."""
+
+    t: float
+    distance: float = math.inf
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class Passing:
+    """How a line passes a primitive.
+
+    Attributes
+    ----------
+    distance : margin from the outline, as the line sees it
+    kind : what the outline is
+    places : where the line meets the surface, in order; if it passes outside, where a line would that passes
+        as far inside
+    """
+
+    distance: float
+    kind: str
+    places: tuple[Place, ...]
+
+
+@dataclass(frozen=True)
 class Margin:
-    """Signed distance to the outline, the distance t along the ray there, and what the outline is."""
+    """Bound of the distance by which a line may move before it meets what it misses, or the reverse; where; of what."""
 
     distance: float
     t: float
@@ -27,17 +55,30 @@ class Margin:
 
 
 def margin(primitive: Primitive, e: Vec, d: Vec) -> Margin | None:
-    """Return the margin of the ray's whole line, behind e included; None if it is parallel to a plane."""
+    """Return the margin of the ray's whole line, behind e included; None if it is parallel to a plane or tube."""
+    near = passing(primitive, e, d)
+    if near is None:
+        return None
+    met = max(near.places, key=lambda place: place.distance)  # while this one is met, the primitive is
+    if met.distance < near.distance:
+        return Margin(met.distance, met.t, met.kind)
+    return Margin(near.distance, near.places[0].t, near.kind)
+
+
+def passing(primitive: Primitive, e: Vec, d: Vec) -> Passing | None:
+    """Follow the whole line through e, behind e included; None if it is parallel to a plane or tube."""
     match primitive:
         case Placed():
             inner_e, inner_d, length = primitive.inner_ray(e, d)
-            inner = margin(primitive.primitive, inner_e, inner_d)
+            inner = passing(primitive.primitive, inner_e, inner_d)
+            if inner is None:
+                return None
             # Distances inside are at most `stretch` times those outside: a margin that is certain.
-            return inner and Margin(inner.distance / primitive.stretch, inner.t / length, inner.kind)
+            stretch = primitive.stretch
+            places = tuple(Place(p.t / length, p.distance / stretch, p.kind) for p in inner.places)
+            return Passing(inner.distance / stretch, inner.kind, places)
         case Sphere():
-            x, y, z, rr = primitive.data
-            t = dot(sub((x, y, z), e), d)
-            return Margin(math.sqrt(rr) - math.dist(add(e, scaled(d, t)), (x, y, z)), t, "silhouette")
+            return _sphere(primitive, e, d)
         case Cylinder():
             return _cylinder(primitive, e, d)
         case Disk():
@@ -47,13 +88,37 @@ def margin(primitive: Primitive, e: Vec, d: Vec) -> Margin | None:
     raise TypeError(primitive)
 
 
-def _flat(primitive: Parallelogram | Triangle | Polygon, e: Vec, d: Vec) -> Margin | None:
+def _flat(primitive: Parallelogram | Triangle | Polygon, e: Vec, d: Vec) -> Passing | None:
     """Take the nearest side; inside is what the primitive itself says of the whole line."""
     nearest = min((_line_to_side(e, d, a, b) for a, b in primitive.sides()), key=lambda found: found[0])
     inside = _meets_line(primitive, e, d)
-    t = nearest[1] if inside is None else inside
     kind = {Parallelogram: "rectangle edge", Triangle: "triangle edge", Polygon: "polygon edge"}[type(primitive)]
-    return Margin(nearest[0] if inside is not None else -nearest[0], t, kind)
+    if inside is None:
+        return Passing(-nearest[0], kind, (Place(nearest[1]),))
+    return Passing(nearest[0], kind, (Place(inside),))
+
+
+def _sphere(primitive: Sphere, e: Vec, d: Vec) -> Passing:
+    x, y, z, rr = primitive.data
+    middle = dot(sub((x, y, z), e), d)
+    radius = math.sqrt(rr)
+    inside = radius - math.dist(add(e, scaled(d, middle)), (x, y, z))
+    near = _meets_line(primitive, e, d)
+    if near is not None:
+        far: float | None = primitive.hit(*e, *d, near, math.inf)
+        return Passing(abs(inside), "silhouette", (Place(near), Place(near if far is None else far)))
+    back = (-d[0], -d[1], -d[2])
+    behind = _meets_line(primitive, e, back)  # what is moved away from has not been asked for
+    if behind is not None:
+        farther = primitive.hit(*e, *back, behind, math.inf)
+        return Passing(abs(inside), "silhouette", (Place(-(farther or behind)), Place(-behind)))
+    half = _half_chord(radius, -abs(inside))
+    return Passing(-abs(inside), "silhouette", (Place(middle - half), Place(middle + half)))
+
+
+def _half_chord(radius: float, outside: float) -> float:
+    """Return half the chord of a line that passes as far inside a circle as this one passes outside."""
+    return math.sqrt(max(-outside * (2.0 * radius + outside), 0.0))
 
 
 def _meets_line(primitive: Primitive, e: Vec, d: Vec) -> float | None:
@@ -103,36 +168,49 @@ def _seen(v: Vec, d: Vec) -> Vec:
     return sub(v, scaled(d, dot(v, d)))
 
 
-def _disk(primitive: Disk, e: Vec, d: Vec) -> Margin | None:
+def _disk(primitive: Disk, e: Vec, d: Vec) -> Passing | None:
     a, b, c = primitive.frame
     n = primitive.data[3:6]
     slope = dot(n, d)
-    t = dot(sub(c, e), n) / slope if slope else dot(sub(c, e), d)
-    return Margin(_ellipse(sub(e, c), a, b, d), t, "rim")
-
-
-def _cylinder(primitive: Cylinder, e: Vec, d: Vec) -> Margin:
-    """Bound the distance from the outline: two ellipses, the band between them, and the hole of both."""
-    x, y, z, wx, wy, wz, length, rr = primitive.data
-    w, base = (wx, wy, wz), (x, y, z)
-    a, b = primitive.axes
-    off = sub(e, base)
-    ends = [_ellipse(off, a, b, d), _ellipse(sub(off, scaled(w, length)), a, b, d)]
-    axis = _seen(w, d)
-    across = math.sqrt(dot(axis, axis))
     t = _meets_line(primitive, e, d)
-    band = -math.inf
-    middle = -dot(off, d)
-    if across > 0.0:
-        along = dot(_seen(off, d), axis) / across
-        aside = math.sqrt(max(dot(_seen(off, d), _seen(off, d)) - along * along, 0.0))
-        band = min(math.sqrt(rr) - aside, along, length * across - along)
-        middle = (dot(off, w) * dot(w, d) - dot(off, d)) / (across * across)
-    outer = max(*ends, band)  # inside the outline of the tube with its ends closed
-    hole = min(ends)  # through both ends: nothing is met
-    if outer < 0.0:
-        return Margin(outer, middle, "silhouette")
-    if t is None:
-        return Margin(-max(hole, 0.0), middle, "cylinder end")
-    by = min(outer, max(-hole, 0.0))
-    return Margin(by, t, "silhouette" if by == outer else "cylinder end")
+    by = _ellipse(sub(e, c), a, b, d)
+    if t is not None:
+        return Passing(abs(by), "rim", (Place(t),))
+    t = dot(sub(c, e), n) / slope if slope else dot(sub(c, e), d)
+    return Passing(-abs(by), "rim", (Place(t),))
+
+
+def _cylinder(primitive: Cylinder, e: Vec, d: Vec) -> Passing | None:
+    """Take the sides of the tube, without end, for its outline; each of the two walls has its own ends."""
+    x, y, z, wx, wy, wz, length, rr = primitive.data
+    w, radius = (wx, wy, wz), math.sqrt(rr)
+    off = sub(e, (x, y, z))
+    height, climb = dot(off, w), dot(d, w)
+    across = math.sqrt(max(1.0 - climb * climb, 0.0))
+    if across == 0.0:
+        return None
+    middle = (height * climb - dot(off, d)) / (across * across)
+    at = sub(add(off, scaled(d, middle)), scaled(w, height + middle * climb))
+    inside = radius - math.sqrt(dot(at, at))
+    walls = primitive.roots(*e, *d)
+    if walls is None:
+        half = _half_chord(radius, -abs(inside)) / across
+        walls = (middle - half, middle + half)
+        inside = -abs(inside)
+    else:
+        inside = abs(inside)
+    heights = [height + t * climb for t in walls]
+    a, b = primitive.axes
+    rims = [abs(_ellipse(sub(off, scaled(w, h)), a, b, d)) for h in (0.0, length)]
+    places = tuple(_wall(t, h, heights, rims, length) for t, h in zip(walls, heights, strict=True))
+    return Passing(inside, "silhouette", places)
+
+
+def _wall(t: float, h: float, heights: Sequence[float], rims: Sequence[float], length: float) -> Place:
+    """Bound how far a wall is from its ends: the line passes a rim at the wall whose height is closer to it."""
+    by = math.inf
+    for end, rim in zip((0.0, length), rims, strict=True):
+        # Where the walls run together, at the outline, a rim may belong to either: hence twice.
+        if abs(h - end) <= 2.0 * min(abs(other - end) for other in heights):
+            by = min(by, rim)
+    return Place(t, by if 0.0 <= h <= length else -by, "cylinder end")

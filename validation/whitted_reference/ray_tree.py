@@ -14,12 +14,12 @@ from typing import NamedTuple
 from whitted_reference import scene
 from whitted_reference.arithmetic import FLOAT
 from whitted_reference.lights import Light
-from whitted_reference.margins import margin
+from whitted_reference.margins import passing
 from whitted_reference.materials import Material, Terms
 from whitted_reference.shapes import Primitive
 from whitted_reference.textures import beyond_nearest_edge
-from whitted_reference.trace import Tracer
-from whitted_reference.vectors import BLACK, WHITE, Colour, Vec
+from whitted_reference.trace import LEAST_SHARE, Tracer
+from whitted_reference.vectors import BLACK, WHITE, Colour, Vec, negated
 
 
 class Key(NamedTuple):
@@ -29,16 +29,18 @@ class Key(NamedTuple):
     ----------
     k : the bounce at which it is taken
     what : `seen` (the ray meets the primitive), `nearer` (it meets it before the others), `blocks` (the
-        shadow ray meets it), `facing`, `horizon` or `mirror` (signs of cosines), `texture` (which side of a
-        jump of colour)
+        shadow ray meets it), `side` (it is seen from behind), `facing`, `horizon` or `mirror` (signs of
+        cosines), `texture` (which side of a jump of colour), `end` (the mirror passes on too little)
     light : id of the light, or empty
     primitive : its index in the scene, or -1
+    wall : 0 for the outline of the primitive, 1 or 2 for the first or second place where the line meets it
     """
 
     k: int
     what: str
     light: str
     primitive: int
+    wall: int = 0
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,8 @@ class Decision:
     kind : for people: `silhouette`, `triangle edge`, `tie`, `horizon`...
     shape : id of the shape that decides, or empty
     margin : distance in world units by which a ray passes an outline or meets one thing before another,
-        or the cosine that is compared with 0, or the distance in uv to a jump of a texture
+        or the cosine that is compared with 0, or the distance in uv to a jump of a texture, or the share of
+        the mirror above the least one, relative to that
     """
 
     key: Key
@@ -91,7 +94,7 @@ class RayNode:
     n_g: Vec | None = None
     uv: tuple[float, float] | None = None
     front: bool = True
-    forced: bool = False  # met only because its decision was turned round
+    forced: float = 0.0  # distance by which the ray misses what it is made to meet by a turned decision
     n_v: float = 0.0
     n_g_v: float = 0.0
     terms: Terms | None = None
@@ -121,8 +124,8 @@ class Recorder(Tracer):
 
     def __init__(self, description: scene.Scene, sensor: int = 0, reach: float = math.inf) -> None:
         super().__init__(description, FLOAT, sensor)
-        self._reach = reach
-        self._flips: frozenset[Key] = frozenset()
+        self.reach = reach
+        self.flips: frozenset[Key] = frozenset()
         self._decisions: dict[Key, Decision] = {}
         self._stack: list[RayNode] = []
 
@@ -134,12 +137,17 @@ class Recorder(Tracer):
 
     def record_ray(self, e: Vec, d: Vec, start: float, end: float, flips: frozenset[Key] = frozenset()) -> Tree:
         """Trace a ray of one's own."""
-        self._flips, self._decisions, self._stack = flips, {}, []
+        self.flips, self._decisions, self._stack = flips, {}, []
         top = RayNode(-1, e, d)
         self._stack.append(top)
         colour = self.raycolor(e, d, start, end)
         assert top.mirror is not None
         return Tree(top.mirror, tuple(self._decisions.values()), colour)
+
+    @property
+    def node(self) -> RayNode:
+        """The ray at work."""
+        return self._stack[-1]
 
     # ------------------------------------------------------------------------- listening at the tracer
     def raycolor(
@@ -154,7 +162,7 @@ class Recorder(Tracer):
     ) -> Colour:
         """Do as the tracer, and hang what happens under the ray that led here."""
         node = RayNode(k, e, d)
-        self._stack[-1].mirror = node
+        self.node.mirror = node
         self._stack.append(node)
         node.colour = super().raycolor(e, d, start, end, k, leaving, share)
         self._stack.pop()
@@ -164,22 +172,22 @@ class Recorder(Tracer):
         self, e: Vec, d: Vec, start: float, end: float, leaving: Primitive | None
     ) -> tuple[Primitive, float] | tuple[None, None]:
         """Do as the tracer, but with every meeting a decision of its own."""
-        node = self._stack[-1]
-        met = self._meetings("seen", "", e, d, start, end, leaving)
+        node = self.node
+        met = self.meetings("seen", "", e, d, start, end, leaving)
         met.sort(key=lambda found: (found[0], found[1].index))
         if not met:
             return None, None
         chosen = 0
         for other, (t, primitive) in enumerate(met[1:], 1):
             gap = t - met[0][0]
-            if gap > self._reach:
+            if gap > self.reach:
                 break
             key = Key(node.k, "nearer", "", primitive.index)
-            if self._decide(key, "tie", primitive.surface.id, False, gap):
+            if self.decide(key, "tie", primitive.surface.id, False, gap):
                 chosen = other
         t, primitive = met[chosen]
-        node.forced = Key(node.k, "seen", "", primitive.index) in self._flips
-        self._describe(node, primitive, t, e, d)
+        node.forced = self._missed_by(Key(node.k, "seen", "", primitive.index))
+        self.describe(node, primitive, t, e, d)
         return primitive, t
 
     def blocker(
@@ -192,23 +200,35 @@ class Recorder(Tracer):
     ) -> Primitive | None:
         """Do as the tracer, but with every blocker a decision of its own."""
         away = leaving if self._exact else None
-        met = self._meetings("blocks", light.id, p, l, self._start, distance, away)
+        met = self.meetings("blocks", light.id, p, l, self.start, distance, away)
         blocking = [primitive for t, primitive in met if t < distance]
-        node = self._stack[-1].lights[-1]
+        node = self.node.lights[-1]
         node.blocked_by = blocking[0].surface.id if blocking else None
         node.distance = distance
         return blocking[0] if blocking else None
 
+    def behind(self, n_v: float) -> bool:
+        """Do as the tracer, and turn the normals."""
+        node = self.node
+        key = Key(node.k, "side", "", node.primitive)
+        if self.decide(key, "n.v = 0", node.shape or "", super().behind(n_v), n_v):
+            assert node.n is not None
+            assert node.n_g is not None
+            node.front, node.n, node.n_g = False, negated(node.n), negated(node.n_g)
+        return not node.front
+
     def positive(self, kind: str, x: float, y: float, light: Light | None = None) -> bool:
         """Do as the tracer, and write the smaller cosine down."""
-        node = self._stack[-1]
+        node = self.node
         key = Key(node.k, kind, light.id if light else "", node.primitive)
-        # A silhouette that the ray is made to meet is seen from the front and at a grazing angle.
-        answer = super().positive(kind, x, y, light) or (node.forced and light is None)
-        answer = self._decide(key, f"{kind} n.l = 0" if light else kind, node.shape or "", answer, min(x, y))
         if kind == "facing":
             node.n_v, node.n_g_v = x, y
-            self._take_side(node)
+            if self.primitives[node.primitive].surface.back is None:
+                node.front = x >= 0
+            elif key._replace(what="side") in self.flips:  # who sees the other side sees n turned to it
+                x, y = abs(x), abs(y) if x == y else y
+        answer = super().positive(kind, x, y, light)
+        answer = self.decide(key, f"{kind} n.l = 0" if light else kind, node.shape or "", answer, min(x, y))
         if light is not None:
             assert node.p is not None
             arrival = light.arrive(*node.p)
@@ -216,19 +236,26 @@ class Recorder(Tracer):
             node.lights.append(LightNode(light.id, direction, x, y, answer))
         return answer
 
+    def exhausted(self, share: Colour) -> bool:
+        """Do as the tracer, and write down how far above the least share the greatest channel is."""
+        node = self.node
+        by = max(share) / LEAST_SHARE - 1.0
+        key = Key(node.k, "end", "", node.primitive)
+        return self.decide(key, "least share of a mirror", node.shape or "", super().exhausted(share), by)
+
     def textured(self, side: Material, uv: tuple[float, float]) -> Terms:
         """Do as the tracer, or beyond the nearest jump of a texture's colour."""
-        node = self._stack[-1]
+        node = self.node
         edge = beyond_nearest_edge(side.textures, *uv)
         if edge is not None:
             key = Key(node.k, "texture", "", node.primitive)
-            if not self._decide(key, "texture edge", node.shape or "", True, edge[0]):
+            if not self.decide(key, "texture edge", node.shape or "", True, edge[0]):
                 uv = edge[1]
         return super().textured(side, uv)
 
     def reflected(self, terms: Terms, i: Colour, n: Vec, d: Vec, l: Vec, n_l: float) -> Colour:  # noqa: E741
         """Do as the tracer, and keep the result."""
-        node = self._stack[-1]
+        node = self.node
         node.terms = terms
         light = node.lights[-1]
         light.irradiance = i
@@ -237,57 +264,62 @@ class Recorder(Tracer):
         return light.colour
 
     # -------------------------------------------------------------------------------------- decisions
-    def _decide(self, key: Key, kind: str, shape: str, answer: bool, by: float) -> bool:
+    def decide(self, key: Key, kind: str, shape: str, answer: bool, by: float) -> bool:
+        """Write a decision down; return its answer, turned round if that is asked for."""
         self._decisions[key] = Decision(key, kind, shape, answer, by)
-        return answer != (key in self._flips)
+        return answer != (key in self.flips)
 
-    def _meetings(
+    def meetings(
         self, what: str, light: str, e: Vec, d: Vec, start: float, end: float, leaving: Primitive | None
     ) -> list[tuple[float, Primitive]]:
-        """Return all primitives that the ray meets in (start, end], after flips, with their t."""
-        node = self._stack[-1]
+        """Return all primitives that the ray meets in (start, end], after flips, with their first t."""
         met = []
         for primitive in self.primitives:
-            ask = primitive.again if primitive is leaving else primitive.hit
-            t = ask(*e, *d, start, end)
-            if primitive is not leaving:
-                t = self._decide_meeting(Key(node.k, what, light, primitive.index), primitive, e, d, t, start, end)
+            key = Key(self.node.k, what, light, primitive.index)
+            t = self._first_meeting(key, primitive, e, d, start, end, primitive is leaving)
             if t is not None:
                 met.append((t, primitive))
         return met
 
-    def _decide_meeting(
-        self, key: Key, primitive: Primitive, e: Vec, d: Vec, t: float | None, start: float, end: float
+    def _first_meeting(
+        self, key: Key, primitive: Primitive, e: Vec, d: Vec, start: float, end: float, leaving: bool
     ) -> float | None:
-        """Write down how nearly the ray meets a primitive; return t after flips."""
-        near = margin(primitive, e, d)
-        if near is None:
-            return t
-        kind, by, other_t = near.kind, near.distance, near.t
-        # A ray that would meet it beyond its own ends misses by that much.
-        for gap, name in ((other_t - start, "contact"), (end - other_t, "end of the ray")):
-            if abs(gap) < abs(by):
-                kind, by = name, math.copysign(gap, 1.0 if t is not None else -1.0)
-        if abs(by) > self._reach or (t is None and not start - self._reach < other_t < end + self._reach):
-            return t
-        yes = self._decide(key, kind, primitive.surface.id, t is not None, by)
-        if not yes:
-            return None
-        return t if t is not None else min(max(other_t, 0.0), end)
+        """Write down how nearly the ray meets a primitive, by its outline and at each place; return the first t."""
+        near = passing(primitive, e, d)
+        if near is None or (near.distance < -self.reach and not leaving):
+            return (primitive.again if leaving else primitive.hit)(*e, *d, start, end)
+        # A ray that leaves the primitive does so at one of the places, and has no outline to pass.
+        left = min(near.places, key=lambda place: abs(place.t)) if leaving else None
+        close = leaving or abs(near.distance) <= self.reach
+        shape, inside = primitive.surface.id, math.copysign(1.0, near.distance) > 0.0
+        found, doubtful = [], False
+        for wall, place in enumerate(near.places, 1):
+            if place is left:
+                continue
+            yes = math.copysign(1.0, place.distance) > 0.0 and start < place.t <= end
+            by, kind = min(
+                (place.distance, place.kind), (place.t - start, "contact"), (end - place.t, "end of the ray")
+            )
+            if abs(by) <= self.reach:
+                doubtful = True
+                yes = self.decide(key._replace(wall=wall), kind, shape, yes, by)
+            if yes:
+                found.append(min(max(place.t, 0.0), end))
+        if close and not leaving and (found or doubtful):
+            inside = self.decide(key, near.kind, shape, inside, near.distance)
+        return found[0] if found and (inside or leaving) else None
 
-    def _describe(self, node: RayNode, primitive: Primitive, t: float, e: Vec, d: Vec) -> None:
+    def _missed_by(self, key: Key) -> float:
+        """Return how far outside the ray passes what turned decisions make it meet."""
+        turned = (key._replace(wall=wall) for wall in range(3))
+        decisions = [self._decisions[each] for each in turned if each in self.flips and each in self._decisions]
+        return max((abs(decision.margin) for decision in decisions if not decision.answer), default=0.0)
+
+    def describe(self, node: RayNode, primitive: Primitive, t: float, e: Vec, d: Vec) -> None:
+        """Write down what stands where the ray meets a primitive."""
         p = (e[0] + t * d[0], e[1] + t * d[1], e[2] + t * d[2])
         node.shape, node.primitive, node.t, node.p = primitive.surface.id, primitive.index, t, p
         node.n, node.n_g = primitive.normals(e, d, t, p)
         surface = primitive.surface
         if surface.front.constant is None or (surface.back is not None and surface.back.constant is None):
             node.uv = primitive.uv(e, d, t, p)
-
-    def _take_side(self, node: RayNode) -> None:
-        """Turn the normals as the tracer did, for a two-sided surface seen from behind."""
-        n, n_g = node.n, node.n_g
-        assert n is not None
-        assert n_g is not None
-        node.front = -(n[0] * node.d[0] + n[1] * node.d[1] + n[2] * node.d[2]) >= 0
-        if not node.front and self.primitives[node.primitive].surface.back is not None:
-            node.n, node.n_g = (-n[0], -n[1], -n[2]), (-n_g[0], -n_g[1], -n_g[2])

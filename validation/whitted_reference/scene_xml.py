@@ -2,334 +2,21 @@
 
 One small function per plugin takes its parameters from a `Properties` one by one; `done` refuses what is
 left over. Nothing is guessed: an unknown plugin or parameter is a `SceneError` that names it, a known
-feature that the picture does not define is `NotDefined`.
+feature that the picture does not define is `NotDefined`. Materials and shapes have files of their own.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from whitted_reference import float32, mesh_files, polygon, scene, transforms
+from whitted_reference import float32, scene
 from whitted_reference.elements import Document, Files
-from whitted_reference.errors import NotDefined, SceneError
-from whitted_reference.png import read_png
+from whitted_reference.errors import SceneError
+from whitted_reference.materials_xml import read_material, read_texture
 from whitted_reference.properties import Properties, parse_number
-from whitted_reference.transforms import Affine, Row3
-
-
-# -------------------------------------------------------------------------------- textures and materials
-def _texture(p: Properties, name: str, default: float | Row3, high: float = 1.0) -> scene.Texture:
-    """Take a colour or a texture."""
-    nested = p.take_named(name)
-    if nested is None:
-        return p.colour(name, default, high)
-    if nested.element.tag != "texture":
-        raise nested.refuse(f"`{name}` must be a texture or a colour")
-    return _read_texture(nested, high)
-
-
-def _read_texture(p: Properties, high: float) -> scene.Texture:
-    texture: scene.Texture
-    if p.type == "checkerboard":
-        color0, color1 = _texture(p, "color0", 0.4, high), _texture(p, "color1", 0.2, high)
-        texture = scene.Checkerboard(color0, color1, _uv_rows(p.transform("to_uv")))
-    elif p.type == "bitmap":
-        to_uv = _uv_rows(p.transform("to_uv"))
-        bilinear = p.string("filter_type", "bilinear", ("bilinear", "nearest")) == "bilinear"
-        wrap = p.string("wrap_mode", "repeat", ("repeat", "mirror", "clamp"))
-        raw = p.boolean("raw", False)
-        p.boolean("accel", True)
-        path = p.file()
-        if path.suffix.lower() != ".png":
-            raise p.not_defined(f"bitmap {path.suffix}")
-        png = read_png(path)
-        if min(png.width, png.height) < 2:
-            raise p.refuse(f"{path.name} is {png.width} x {png.height} pixels; allowed: from 2 x 2")
-        texture = scene.Bitmap(
-            path.name, png.width, png.height, png.channels, png.texels, not raw, bilinear, wrap, to_uv
-        )
-    else:
-        raise p.not_defined()
-    p.done()
-    return texture
-
-
-def _uv_rows(m: Affine) -> tuple[Row3, Row3]:
-    (a, b, _, s), (c, d, _, t), _ = m.matrix
-    return (a, b, s), (c, d, t)
-
-
-def _one_sided(p: Properties) -> scene.OneSided:
-    material: scene.OneSided
-    if p.type == "blinnphong":
-        diffuse = _texture(p, "diffuse_reflectance", 0.5)
-        material = scene.BlinnPhong(
-            ambient=_texture(p, "ambient_reflectance", 0.0) if p.has("ambient_reflectance") else diffuse,
-            diffuse=diffuse,
-            specular=_texture(p, "specular_reflectance", 0.0),
-            mirror=_texture(p, "mirror_reflectance", 0.0),
-            exponent=_texture(p, "exponent", 32.0, high=1e7),
-        )
-    elif p.type == "diffuse":
-        material = scene.Diffuse(_texture(p, "reflectance", 0.5))
-    elif p.type == "conductor":
-        if p.has("eta") or p.has("k") or p.string("material", "none") != "none":
-            raise p.not_defined("conductor with a metal's spectrum")
-        material = scene.Conductor(_texture(p, "specular_reflectance", 1.0))
-    else:
-        raise p.not_defined()
-    p.done()
-    return material
-
-
-def _material(p: Properties) -> scene.Material:
-    if p.type != "twosided":
-        return _one_sided(p)
-    nested = [_one_sided(child) for child in p.take_objects("bsdf")]
-    if not 1 <= len(nested) <= 2:
-        raise p.refuse(f"{len(nested)} nested bsdfs; allowed: 1 or 2")
-    p.done()
-    return scene.TwoSided(nested[0], nested[-1])
-
-
-# ------------------------------------------------------------------------------------------------ shapes
-def _look(p: Properties, number: int) -> scene.Look:
-    emission = None
-    for emitter in p.take_objects("emitter"):
-        if emitter.type != "area":
-            raise emitter.not_defined()
-        if emission is not None:
-            raise p.refuse("more than one emitter; allowed: 1")
-        if emitter.take_named("radiance"):
-            raise emitter.not_defined("textured area light")
-        emission = emitter.colour("radiance", 1.0)
-        emitter.single("sampling_weight", 1.0)
-        emitter.done()
-    materials = [_material(child) for child in p.take_objects("bsdf")]
-    if len(materials) > 1:
-        raise p.refuse(f"{len(materials)} bsdfs; allowed: 1")
-    default = scene.Diffuse((0.5, 0.5, 0.5) if emission is None else (0.0, 0.0, 0.0))
-    name = p.element.attributes.get("id", f"{p.type}_{number}")
-    return scene.Look(name, materials[0] if materials else default, emission)
-
-
-def _similarity(p: Properties, m: Affine, axes: Sequence[int]) -> None:
-    """Refuse shear, and unequal scale among `axes`.
-
-    M is rounded to binary32 at most three times (once as read, twice where centre and radius or the two
-    ends are multiplied in), so each column is off by at most 3 u |m|, u = 2^-24, and each scalar product
-    of two columns of length s by 6 u s^2 (first order); twice that separates rounding from intent.
-    """
-    columns = [m.column(j) for j in range(3)]
-
-    def dot(i: int, j: int) -> float:
-        return sum(x * y for x, y in zip(columns[i], columns[j], strict=True))
-
-    size = dot(axes[0], axes[0])
-    for i in range(3):
-        for j in range(i):
-            if abs(dot(i, j)) > 12 * float32.ROUNDOFF * math.sqrt(dot(i, i) * dot(j, j)):
-                raise NotDefined(f"{p.type} with shear", p.element.attributes.get("id", p.type), p.where)
-    for i in axes:
-        if abs(dot(i, i) - size) > 12 * float32.ROUNDOFF * size:
-            raise NotDefined(f"{p.type} with unequal scale", p.element.attributes.get("id", p.type), p.where)
-
-
-def _times32(p: Properties, *factors: Affine) -> Affine:
-    """Multiply in single precision, as Mitsuba does with centre and radius."""
-    result = factors[0]
-    for factor in factors[1:]:
-        result = transforms.product(result, factor, float32.fma)
-    if not result.is_finite() or result.determinant() == 0:
-        raise p.refuse("the shape is degenerate or not finite in single precision")
-    return result
-
-
-def _scaling32(v: Row3) -> Affine:
-    return transforms.scaling(v).rounded()
-
-
-def _sphere(p: Properties, look: scene.Look) -> scene.Solid:
-    radius = p.single("radius", 1.0)
-    if radius == 0.0:
-        raise p.refuse("radius is 0; allowed: other numbers")
-    m = _times32(p, p.transform(), transforms.translation(p.vec("center", (0.0, 0.0, 0.0))), _scaling32((radius,) * 3))
-    _similarity(p, m, (0, 1, 2))
-    inward = p.boolean("flip_normals", False) != (m.determinant() < 0)
-    return scene.Sphere(look, m.column(3), float32.length(m.column(0)), m, inward)
-
-
-def _cylinder(p: Properties, look: scene.Look) -> scene.Solid:
-    near = float32.nearest
-    radius = p.single("radius", 1.0)
-    p0, p1 = p.vec("p0", (0.0, 0.0, 0.0)), p.vec("p1", (0.0, 0.0, 1.0))
-    axis = (near(p1[0] - p0[0]), near(p1[1] - p0[1]), near(p1[2] - p0[2]))
-    length = float32.length(axis)
-    if radius == 0.0 or length == 0.0:
-        raise p.refuse(f"radius {radius:g}, length {length:g}; allowed: other than 0")
-    n = float32.divided(axis, length)
-    s, t = float32.frame(n)
-    to_frame = transforms.from_columns(s, t, n, (0.0, 0.0, 0.0), (s, t, n))
-    m = _times32(p, p.transform(), transforms.translation(p0), to_frame, _scaling32((radius, radius, length)))
-    _similarity(p, m, (0, 1))
-    return scene.Cylinder(look, m, p.boolean("flip_normals", False))
-
-
-def _rectangle(p: Properties, look: scene.Look) -> scene.Solid:
-    p.boolean("face_normals", False)
-    return scene.Rectangle(look, p.transform(), p.boolean("flip_normals", False))
-
-
-def _disk(p: Properties, look: scene.Look) -> scene.Solid:
-    return scene.Disk(look, p.transform(), p.boolean("flip_normals", False))
-
-
-def _cube(p: Properties, look: scene.Look) -> scene.Solid:
-    p.boolean("face_normals", False)
-    vertices: list[Row3] = []
-    normals: list[Row3] = []
-    uvs: list[tuple[float, float]] = []
-    faces: list[tuple[int, int, int]] = []
-    for n, corners in _CUBE_FACES:
-        first = len(vertices)
-        vertices += corners
-        normals += [n] * 4
-        uvs += [(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)]
-        faces += [(first, first + 1, first + 2), (first + 3, first, first + 2)]
-    return _world_mesh(p, look, mesh_files.RawMesh(vertices, faces, normals, uvs), smooth=False)
-
-
-# Each face of the cube: its normal and its corners in the order of uv (0,1) (1,1) (1,0) (0,0).
-_CUBE_FACES: tuple[tuple[Row3, tuple[Row3, ...]], ...] = (
-    ((0, -1, 0), ((1, -1, -1), (1, -1, 1), (-1, -1, 1), (-1, -1, -1))),
-    ((0, 1, 0), ((1, 1, -1), (-1, 1, -1), (-1, 1, 1), (1, 1, 1))),
-    ((1, 0, 0), ((1, -1, -1), (1, 1, -1), (1, 1, 1), (1, -1, 1))),
-    ((0, 0, 1), ((1, -1, 1), (1, 1, 1), (-1, 1, 1), (-1, -1, 1))),
-    ((-1, 0, 0), ((-1, -1, 1), (-1, 1, 1), (-1, 1, -1), (-1, -1, -1))),
-    ((0, 0, -1), ((1, 1, -1), (1, -1, -1), (-1, -1, -1), (-1, 1, -1))),
-)
-
-
-def _mesh_file(p: Properties, look: scene.Look) -> scene.Solid:
-    path = p.file()
-    try:
-        raw = mesh_files.read_ply(path) if p.type == "ply" else mesh_files.read_obj(path)
-    except SceneError as error:
-        raise p.refuse(str(error)) from None
-    if p.boolean("flip_tex_coords", p.type == "obj") and raw.uvs is not None:
-        raw.uvs = [(u, float32.nearest(1.0 - v)) for u, v in raw.uvs]
-    smooth = not p.boolean("face_normals", False)
-    if not smooth:
-        raw.normals = None
-    return _world_mesh(p, look, raw, smooth)
-
-
-def _world_mesh(p: Properties, look: scene.Look, raw: mesh_files.RawMesh, smooth: bool) -> scene.Mesh:
-    m = p.transform()
-    vertices = tuple(_finite(p, m.point32(v)) for v in raw.vertices)
-    return scene.Mesh(
-        look=look,
-        to_world=m,
-        vertices=vertices,
-        faces=tuple(raw.faces),
-        normals=tuple(raw.normals) if raw.normals is not None else None,
-        uvs=tuple(raw.uvs) if raw.uvs is not None else None,
-        smooth=smooth and raw.normals is None,
-        flip=p.boolean("flip_normals", False),
-    )
-
-
-def _finite(p: Properties, v: Row3) -> Row3:
-    if not all(map(math.isfinite, v)):
-        raise p.refuse(f"vertex {v} is not finite in single precision")
-    return v
-
-
-def _polygon(p: Properties, look: scene.Look) -> scene.Solid:
-    material = look.material
-    sides = (material.front, material.behind) if isinstance(material, scene.TwoSided) else (material,)
-    if any(map(_is_textured, sides)):
-        raise p.not_defined("polygon with a texture")
-    m = p.transform()
-    text = p.string("vertices", None)
-    rings = tuple(_ring(p, m, part) for part in text.split(";"))
-    normal = p.vec("normal", (0.0, 0.0, 0.0)) if p.has("normal") else None
-    shape = scene.Polygon(look, m, rings, normal, p.boolean("flip_normals", False))
-    if normal is not None and not any(normal):
-        raise p.refuse("`normal` is zero; allowed: other vectors")
-    try:
-        polygon.check(shape)
-    except SceneError as error:
-        raise p.refuse(str(error)) from None
-    return shape
-
-
-def _ring(p: Properties, m: Affine, text: str) -> tuple[Row3, ...]:
-    vertices = []
-    for token in text.split():
-        parts = token.split(",")
-        if len(parts) != 3:
-            raise p.refuse(f"`vertices` holds `{token}`; allowed: x,y,z separated by spaces, rings by `;`")
-        x, y, z = (float32.nearest(parse_number(part, f"{p.where} `vertices`")) for part in parts)
-        vertices.append(_finite(p, m.point32((x, y, z))))
-    if len(vertices) < 3:
-        raise p.refuse(f"a ring of `vertices` has {len(vertices)} vertices; allowed: from 3")
-    return tuple(vertices)
-
-
-def _is_textured(material: scene.OneSided) -> bool:
-    return any(isinstance(value, scene.Checkerboard | scene.Bitmap) for value in vars(material).values())
-
-
-_SHAPES: dict[str, Callable[[Properties, scene.Look], scene.Solid]] = {
-    "sphere": _sphere,
-    "rectangle": _rectangle,
-    "disk": _disk,
-    "cylinder": _cylinder,
-    "cube": _cube,
-    "ply": _mesh_file,
-    "obj": _mesh_file,
-    "polygon": _polygon,
-}
-
-
-def _solid(p: Properties, number: int) -> scene.Solid:
-    if p.type not in _SHAPES:
-        raise p.not_defined()
-    look = _look(p, number)
-    shape = _SHAPES[p.type](p, look)
-    p.done()
-    return shape
-
-
-def _group(p: Properties) -> tuple[scene.Solid, ...]:
-    solids = tuple(_solid(child, i) for i, child in enumerate(p.take_objects("shape")))
-    for solid in solids:
-        if solid.look.emission is not None:
-            raise p.refuse(f"`{solid.look.id}` is an area light; allowed in a group: shapes that do not shine")
-    p.done()
-    return solids
-
-
-def _instance(p: Properties, number: int) -> scene.Instance:
-    groups = p.take_objects("shape")
-    if [group.type for group in groups] != ["shapegroup"]:
-        raise p.refuse("an instance refers to exactly one shapegroup")
-    m = p.transform()
-    p.done()
-    return scene.Instance(p.element.attributes.get("id", f"instance_{number}"), m, _group(groups[0]))
-
-
-def _shapes(nested: Sequence[Properties]) -> Iterator[scene.Shape]:
-    for number, p in enumerate(nested):
-        if p.type == "shapegroup":
-            _group(p)  # drawn only where an instance refers to it
-        elif p.type == "instance":
-            yield _instance(p, number)
-        else:
-            yield _solid(p, number)
+from whitted_reference.shapes_xml import read_shapes
 
 
 # ------------------------------------------------------------------------------------------------ lights
@@ -521,9 +208,9 @@ def load(
 def _read_scene(p: Properties) -> scene.Scene:
     messages: list[str] = []
     for bsdf in p.take_objects("bsdf"):
-        _material(bsdf)
+        read_material(bsdf)
     for texture in p.take_objects("texture"):
-        _read_texture(texture, math.inf)
+        read_texture(texture, math.inf)
     settings = _settings(p.take_objects("integrator"), p.where, messages)
     sensors = tuple(_sensor(child, i, messages) for i, child in enumerate(p.take_objects("sensor")))
     background, lights = None, []
@@ -537,7 +224,7 @@ def _read_scene(p: Properties) -> scene.Scene:
             messages.append(f"{child.where}: emitter constant is seen as the background and lights nothing")
         else:
             lights.append(_light(child, i))
-    shapes = tuple(_shapes(p.take_objects("shape")))
+    shapes = tuple(read_shapes(p.take_objects("shape")))
     for shape in shapes:
         if not isinstance(shape, scene.Instance) and shape.look.emission is not None:
             messages.append(f"area light of `{shape.look.id}` is seen and lights nothing")

@@ -17,7 +17,8 @@ from whitted_reference.camera import Camera
 from whitted_reference.instances import Placed
 from whitted_reference.materials import SMALL_EXPONENT, Material, Terms
 from whitted_reference.polygon import Polygon
-from whitted_reference.shapes import Cylinder, Disk, Parallelogram, Primitive, Sphere, Surface, triangles
+from whitted_reference.shapes import Cylinder, Disk, Parallelogram, Primitive, Sphere, Surface
+from whitted_reference.triangles import triangles
 from whitted_reference.vectors import BLACK, WHITE, Colour, Number, Vec, cross, dot, negated
 
 # With unlimited depth a mirror path ends after this bounce, or when what it still carries is below this
@@ -64,12 +65,12 @@ class Tracer:
         self._unlimited = settings.max_depth == -1
         self._max_depth = math.inf if self._unlimited else settings.max_depth
         self._least_share = arithmetic.of(LEAST_SHARE)
-        self._ambient: Colour = arithmetic.vec(settings.ambient)
+        self.ambient: Colour = arithmetic.vec(settings.ambient)
         self._background: Colour = arithmetic.vec(description.background)
         self._shadows = settings.enable_shadows
         # Where secondary rays start: at the surface, which they cannot meet again, or `epsilon` away.
         self._exact = settings.epsilon is None
-        self._start = arithmetic.of(settings.epsilon or 0.0)
+        self.start = arithmetic.of(settings.epsilon or 0.0)
         self._infinity = arithmetic.infinity
         self.ties: list[tuple[str, str]] = []
 
@@ -116,7 +117,7 @@ class Tracer:
         surface = primitive.surface
         side = surface.front
         n_v = -(n[0] * dx + n[1] * dy + n[2] * dz)
-        if n_v < 0 and surface.back is not None:
+        if surface.back is not None and self.behind(n_v):
             side = surface.back
             n, n_g, n_v = negated(n), negated(n_g), -n_v
         nx, ny, nz = n
@@ -132,7 +133,7 @@ class Tracer:
 
         terms = side.constant or self.textured(side, primitive.uv(e, d, t, p))
         if terms.ambient is not None:
-            k_a, i_a = terms.ambient, self._ambient
+            k_a, i_a = terms.ambient, self.ambient
             red += k_a[0] * i_a[0]
             green += k_a[1] * i_a[1]
             blue += k_a[2] * i_a[2]
@@ -161,14 +162,19 @@ class Tracer:
             if self.positive("mirror", n_v, gx * r[0] + gy * r[1] + gz * r[2]):
                 if self._unlimited:
                     share = (share[0] * k_m[0], share[1] * k_m[1], share[2] * k_m[2])
-                    if k + 1 > LAST_BOUNCE or all(x < self._least_share for x in share):
+                    if k + 1 > LAST_BOUNCE or self.exhausted(share):
                         return red, green, blue
                 away = primitive if self._exact else None
-                seen = self.raycolor(p, r, self._start, self._infinity, k + 1, away, share)
+                seen = self.raycolor(p, r, self.start, self._infinity, k + 1, away, share)
                 red += k_m[0] * seen[0]
                 green += k_m[1] * seen[1]
                 blue += k_m[2] * seen[2]
         return red, green, blue
+
+    def behind(self, n_v: Number) -> bool:
+        """Decide whether a two-sided surface is seen from behind."""
+        seen: bool = n_v < 0
+        return seen
 
     def positive(self, kind: str, x: Number, y: Number, light: lights.Light | None = None) -> bool:
         """Decide by two cosines, one with n and one with n_g, whether both sides are seen.
@@ -178,6 +184,10 @@ class Tracer:
         """
         both: bool = x > 0 and y > 0
         return both
+
+    def exhausted(self, share: Colour) -> bool:
+        """Decide whether what the mirrors pass on has become too little to follow."""
+        return all(x < self._least_share for x in share)
 
     def textured(self, side: Material, uv: tuple[Number, Number]) -> Terms:
         """Return the coefficients at surface coordinates (u, v)."""
@@ -218,7 +228,7 @@ class Tracer:
         light: lights.Light,
     ) -> Primitive | None:
         """Return a primitive on the open segment of that length from p along l to a light, or None."""
-        found = self._world.blocker(p, l, self._start, distance, leaving if self._exact else None)
+        found = self._world.blocker(p, l, self.start, distance, leaving if self._exact else None)
         if found is None:
             return None
         t, _, primitive = found

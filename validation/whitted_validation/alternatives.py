@@ -15,23 +15,19 @@ import numpy as np
 
 from whitted_reference import scene
 from whitted_reference.lights import Spot
-from whitted_reference.margins import margin
 from whitted_reference.materials import Material, Terms
 from whitted_reference.ray_tree import Decision, Key, RayNode, Recorder, Tree
 from whitted_reference.shapes import Cylinder, Disk, Primitive, Sphere
-from whitted_reference.vectors import Vec, dot
-from whitted_validation.rounding import TRANSFORMED, Bound, Ray, Rounding, Step, U, chain, length, side_of
+from whitted_reference.vectors import Vec, sub
+from whitted_validation.beams import Beam
+from whitted_validation.rounding import Bound, Ray, Rounding, Step, chain, side_of
+from whitted_validation.roundoffs import U
 from whitted_validation.textures import Slopes
 
 # At most so many combinations of turned decisions are traced for a pixel, those of fewest decisions first.
 MOST = 64
 # A line that passes the box of a primitive at more than this, in sizes of the scene, does not meet it.
 NEAR = 2.0**-10
-# A test of an edge from the origin of the ray (difference of the ends 1, their sum 1, cross product 3, dot
-# product 3), divided by the edge; the sum of the ends is up to twice as far as the edge.
-EDGE_TEST = 16 * U
-# The radicand of a plain quadratic, in squared distances: coefficients 3 each, product 1, difference 1.
-QUADRATIC_TEST = 8 * U
 
 
 @dataclass(frozen=True)
@@ -68,21 +64,21 @@ class Doubter(Recorder):
 
     def __init__(self, description: scene.Scene, sensor: int = 0) -> None:
         super().__init__(description, sensor)
-        self.start = float(self._start)
         film = self.film
         self.camera_end = float(self.camera.ray(film.crop_width // 2, film.crop_height // 2)[3])
         # Far more than any bound that explains something: what a ray passes at a greater distance is not asked.
         boxes = np.array([p.box for p in self.primitives], float).reshape(-1, 6)
         size = boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0) if len(boxes) else np.zeros(3)
-        self._reach = NEAR * float(size.max())
-        self._low, self._high = boxes[:, :3] - self._reach, boxes[:, 3:] + self._reach
+        self.reach = NEAR * float(size.max())
+        self._low, self._high = boxes[:, :3] - self.reach, boxes[:, 3:] + self.reach
         self._everything = self.primitives
-        self.moves: dict[Key, tuple[float, float]] = {}
+        self.moves: dict[Key, tuple[float, float]] = {}  # of uv, where a texture's step is turned
+        self.cones: dict[Key, float] = {}  # the angle taken, where the end of a cone is turned
         for light in self.lights:
             if isinstance(light, Spot):
                 light.share = self._share_of(light, light.share)  # type: ignore[method-assign]
 
-    def _meetings(
+    def meetings(
         self, what: str, light: str, e: Vec, d: Vec, start: float, end: float, leaving: Primitive | None
     ) -> list[tuple[float, Primitive]]:
         """Ask only primitives whose boxes the ray's line passes closely (Kay and Kajiya 1986)."""
@@ -91,14 +87,14 @@ class Doubter(Recorder):
         passed = np.minimum(a, b).max(axis=1) <= np.maximum(a, b).min(axis=1)
         self.primitives = [self._everything[i] for i in np.flatnonzero(passed)]
         try:
-            return super()._meetings(what, light, e, d, start, end, leaving)
+            return super().meetings(what, light, e, d, start, end, leaving)
         finally:
             self.primitives = self._everything
 
     def textured(self, side: Material, uv: tuple[float, float]) -> Terms:
         """Evaluate for the ray at work, across a step if that is turned."""
-        node = self._stack[-1]
-        for key in self._flips:
+        node = self.node
+        for key in self.flips:
             if key.what.startswith("texture") and (key.k, key.primitive) == (node.k, node.primitive):
                 uv = uv[0] + self.moves[key][0], uv[1] + self.moves[key][1]
         node.terms = side.at(*uv)
@@ -106,8 +102,8 @@ class Doubter(Recorder):
 
     def _share_of(self, light: Spot, share: Any) -> Any:
         def moved(theta: float) -> Any:
-            key = Key(self._stack[-1].k, "cone", light.id, self._stack[-1].primitive)
-            return share(theta + self.moves[key][0] if key in self._flips else theta)
+            key = Key(self.node.k, "cone", light.id, self.node.primitive)
+            return share(self.cones[key] if key in self.flips else theta)
 
         return moved
 
@@ -145,6 +141,7 @@ class Alternatives:
         waiting = deque(known)
         found: list[Alternative] = []
         self._doubter.moves.clear()
+        self._doubter.cones.clear()
         while waiting and len(found) < MOST:
             flips = waiting.popleft()
             tree = self._doubter.record(x, y, i, j, grid, flips)
@@ -172,11 +169,12 @@ class Alternatives:
 
     def _may_turn(self, decision: Decision, node: RayNode, step: Step) -> bool:
         what, light = decision.key.what, decision.key.light
-        if what == "facing":
-            # What a ray is made to meet counts as seen from the front; the back of a face is as possible.
-            return abs(decision.margin) <= step.facing or (node.forced and decision.margin < 0.0)
+        if what in ("side", "facing"):
+            return abs(decision.margin) <= step.facing
         if what == "mirror":
             return abs(decision.margin) <= step.mirror
+        if what == "end":
+            return abs(decision.margin) <= step.share
         arrival = step.lights.get(light)
         if what == "horizon":
             return arrival is None or abs(decision.margin) <= arrival.n_l
@@ -186,19 +184,14 @@ class Alternatives:
                 return True
             l, distance = next((lit.l, lit.distance) for lit in node.lights if lit.id == light)  # noqa: E741
             assert node.p is not None
-            beam = _Beam(
-                node.p, l, Ray(step.p, arrival.l, step.offset), self._doubter.start, distance, arrival.distance
-            )
+            beam = Beam(node.p, l, Ray(step.p, arrival.l, step.offset), self._doubter.start, distance, arrival.distance)
             blocked = next(lit.blocked_by for lit in node.lights if lit.id == light) is not None
-            return blocked == decision.answer and beam.may_turn(primitive)
+            return blocked == decision.answer and beam.may_turn(primitive, decision.key.wall)
         first_ray = node.k == 0
         start, end = (0.0, self._doubter.camera_end) if first_ray else (self._doubter.start, math.inf)
-        beam = _Beam(node.e, node.d, step.ray, start, end, 0.0)
+        beam = Beam(node.e, node.d, step.ray, start, end, 0.0)
         if what == "seen":  # what lies behind the hit only counts once that is turned
-            near = margin(primitive, node.e, node.d)
-            missed = -math.inf if near is None else near.t - 2.0**-20 * abs(near.t)
-            front = min((t - off for t, off in beam.meetings(primitive) if t >= start), default=missed)
-            return front <= node.t and beam.may_turn(primitive)
+            return beam.first_place(primitive) <= node.t and beam.may_turn(primitive, decision.key.wall)
         first = self._doubter.primitives[node.primitive]
         return decision.margin <= beam.along(primitive) + beam.along(first)
 
@@ -229,75 +222,18 @@ class Alternatives:
         for light in self._doubter.lights:
             if not isinstance(light, Spot):
                 continue
-            x, y, z = (a - b for a, b in zip(light._data[:3], node.p, strict=True))
+            x, y, z = sub(light.position, node.p)
             distance = math.sqrt(x * x + y * y + z * z)
             if distance == 0.0:
                 continue
             theta = light.angle(x / distance, y / distance, z / distance)
             assert step.p is not None
             off = self._rounding.cone_error(light, step.p, np.array([x, y, z]) / distance, distance)
-            if abs(theta - light._cutoff) <= off:
+            if abs(theta - light.cutoff) <= off:
                 key = Key(node.k, "cone", light.id, node.primitive)
-                self._doubter.moves[key] = (off if theta < light._cutoff else -off, 0.0)
-                yield Decision(key, f"spot cone of {light.id}", node.shape or "", theta < light._cutoff, off)
-
-
-@dataclass
-class _Beam:
-    """A ray with its errors, between its ends; `end_off` is how far the end itself may be off."""
-
-    e: Vec
-    d: Vec
-    errors: Ray
-    start: float
-    end: float
-    end_off: float
-
-    def may_turn(self, primitive: Primitive) -> bool:
-        """Tell whether float32 may miss what is met here, or meet what is missed."""
-        near = margin(primitive, self.e, self.d)
-        if near is None:
-            return True  # seen edge-on
-        aside = self.aside(primitive, near.t)
-        if abs(near.distance) <= aside:
-            size = math.dist(primitive.box[:3], primitive.box[3:])
-            return self.start - size <= near.t <= self.end + self.end_off + size
-        if near.distance < 0.0:
-            return False
-        return any(
-            abs(t - self.start) <= along or abs(t - self.end) <= along + self.end_off
-            for t, along in self.meetings(primitive)
-        )
-
-    def meetings(self, primitive: Primitive) -> Iterator[tuple[float, float]]:
-        """Yield where the whole line meets a primitive, and how far each place may be off along the line."""
-        t = primitive.hit(*self.e, *self.d, -math.inf, math.inf)
-        while t is not None:
-            p = (self.e[0] + t * self.d[0], self.e[1] + t * self.d[1], self.e[2] + t * self.d[2])
-            cosine = abs(dot(primitive.normals(self.e, self.d, t, p)[1], self.d))
-            yield t, 8 * U * abs(t) + (self.aside(primitive, t) / cosine if cosine > 0.0 else math.inf)
-            # Beyond the same place, as double precision has it; a third meeting there is none.
-            t = primitive.hit(*self.e, *self.d, t + 2.0**-40 * (abs(t) + 1.0), math.inf)
-
-    def aside(self, primitive: Primitive, t: float) -> float:
-        """Bound how far the ray is off across itself at distance t, and the test of the primitive with it."""
-        e_form, d_form = self.errors.e, self.errors.d
-        moved = np.zeros((3, max(e_form.shape[1], d_form.shape[1])))
-        moved[:, : e_form.shape[1]] = e_form
-        moved[:, : d_form.shape[1]] += t * d_form
-        low, high = np.array(primitive.box[:3], float), np.array(primitive.box[3:], float)
-        size = float(np.linalg.norm(high - low))
-        at = float(np.linalg.norm(np.maximum(np.abs(low), np.abs(high)))) + math.hypot(*self.e)
-        aside = length(moved) + self.errors.offset + EDGE_TEST * (abs(t) + size) + TRANSFORMED * at
-        inner = getattr(primitive, "primitive", primitive)
-        if isinstance(inner, Cylinder):
-            aside += QUADRATIC_TEST * (abs(t) + size) ** 2 / math.sqrt(float(inner.data[7]))
-        return aside if math.isfinite(aside) else math.inf
-
-    def along(self, primitive: Primitive) -> float:
-        """Bound how far the meeting is off along the ray."""
-        offs = [off for t, off in self.meetings(primitive) if self.start <= t <= self.end]
-        return offs[0] if offs else math.inf
+                inside = theta < light.cutoff or theta <= light.beam  # a cone without a ramp ends in a step
+                self._doubter.cones[key] = light.cutoff + (off if inside else -off)
+                yield Decision(key, "spot cone", node.shape or "", inside, light.cutoff - theta)
 
 
 def _moves(primitive: Primitive, uv: tuple[float, float], off: tuple[float, float]) -> Iterator[tuple[float, float]]:

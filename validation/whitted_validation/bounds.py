@@ -152,7 +152,7 @@ def _fingerprint(packed: bytes, grid: int, sensor: int) -> str:
     """Hash the scene with its meshes and textures, the tracer's source and that of the model, and the machine."""
     digest = hashlib.sha256(packed)
     here = Path(__file__).parent
-    model = [here / f"{name}.py" for name in ("bounds", "noise", "rounding", "textures")]
+    model = [here / f"{name}.py" for name in ("bounds", "forms", "noise", "patch", "rounding", "roundoffs", "textures")]
     for source in [*sorted(Path(whitted_reference.__file__).parent.glob("*.py")), *model]:
         digest.update(source.read_bytes())
     digest.update(f"{grid} {sensor} {sys.version} {np.__version__} {platform.platform()}".encode())

@@ -27,7 +27,9 @@ from whitted_reference import scene
 from whitted_reference.materials import Material, Terms
 from whitted_reference.ray_tree import RayNode, Tree
 from whitted_reference.vectors import Colour
-from whitted_validation.rounding import (
+from whitted_validation.patch import Patch
+from whitted_validation.rounding import Follower, chain
+from whitted_validation.roundoffs import (
     CAMERA_DIRECTION,
     COORDINATE,
     IRRADIANCE,
@@ -38,10 +40,7 @@ from whitted_validation.rounding import (
     TERM,
     TO_LIGHT,
     UNIT_VECTOR,
-    Follower,
-    Patch,
     U,
-    chain,
 )
 from whitted_validation.textures import COLOURS, DECODED, Slopes
 
@@ -68,7 +67,7 @@ class Shaken(Follower):
 
     def raycolor(self, e, d, start, end, k=0, leaving=None, share=(1, 1, 1)):  # type: ignore[no-untyped-def]
         """Do as the tracer with a ray that is a little off."""
-        above = self._stack[-1]
+        above = self.node
         if k == 0:
             off, turn = np.zeros(3), CAMERA_DIRECTION + PLANE_DISTANCE + PLANE_SLOPE
         else:
@@ -83,7 +82,7 @@ class Shaken(Follower):
     def textured(self, side: Material, uv: tuple[float, float]) -> Terms:
         """Do as the tracer with coordinates, and coefficients of pictures, that are a little off."""
         terms = super().textured(side, (uv[0] + self._draw(COORDINATE), uv[1] + self._draw(COORDINATE)))
-        node = self._stack[-1]
+        node = self.node
         if self._slopes.varies(self.primitives[node.primitive].surface.id, node.front):
             shaken: dict[str, Any] = {name: self._shaken(getattr(terms, name)) for name in COLOURS}
             terms = replace(terms, **shaken)

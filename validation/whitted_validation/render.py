@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable, Iterator, Mapping
 
 import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +16,16 @@ from whitted_validation.load import Loaded
 def switch(loaded: Loaded, switches: Mapping[str, bool]) -> None:
     """Set switches of the integrator, such as ``enable_shadows``, whatever the scene says."""
     loaded.integrator.settings = dataclasses.replace(loaded.integrator.settings, **switches)
+
+
+def resize(loaded: Loaded, size: tuple[int, int]) -> None:
+    """Give the film another size, (width, height) in pixels; any crop is dropped."""
+    film = mi.traverse(loaded.sensor.film())
+    film["size"] = size
+    film["crop_offset"] = (0, 0)
+    film["crop_size"] = size
+    film.update()
+    loaded.sensor.parameters_changed()
 
 
 def render(loaded: Loaded, grid: int | None, progress: Callable[[int, int], None] | None = None) -> NDArray[np.float32]:

@@ -6,10 +6,6 @@ and direction as linear forms in error symbols, each between -1 and 1, one for e
 that what one mirror spreads another may focus again. The largest value of a form is the sum of the sizes of
 its coefficients. Where the first order does not suffice (grazing rays, highlights) the exact change of one
 variable takes its place.
-
-u = 2^-24 bounds the relative error of one rounding to float32. The counts below are those of formulas as a
-careful float32 tracer has them, dot products by fused multiply-adds (three roundings, of partial sums that
-never exceed the sum of the sizes of the products).
 """
 
 from __future__ import annotations
@@ -26,61 +22,26 @@ from whitted_reference.instances import Placed
 from whitted_reference.lights import Light, Point, Spot
 from whitted_reference.materials import Material, Terms
 from whitted_reference.ray_tree import Key, LightNode, RayNode, Recorder, Tree
-from whitted_reference.shapes import Primitive, Sphere, Surface
+from whitted_reference.shapes import Surface
+from whitted_validation.forms import Matrix, length, radius
+from whitted_validation.patch import Patch
+from whitted_validation.roundoffs import (
+    ARC_TANGENT,
+    CAMERA_DIRECTION,
+    CAMERA_ORIGIN,
+    CONE_PLACE,
+    IRRADIANCE,
+    OFFSET,
+    POWER,
+    REFLECTED,
+    TERM,
+    TRANSFORMED,
+    UNIT_VECTOR,
+    U,
+)
 from whitted_validation.textures import Slopes
 
-U = 2.0**-24
-
-# Direction of a camera ray: an affine function of the film position (three rounded constants, two fused
-# operations) divided by its length (three roundings, a root, a division): along d none of that counts; across
-# it each component keeps two roundings of partial sums not above 2, and one of its own.
-CAMERA_DIRECTION = 5 * U
-# Origin of an orthographic ray: two fused operations and a sum, each of at most eye + film.
-CAMERA_ORIGIN = 4 * U
-# A plane's distance from the origin of a ray: difference 1, unit normal 1, dot product 3.
-PLANE_DISTANCE = 5 * U
-# The slope d.n: unit normal 1, dot product 3; then reciprocal 1 and product 1.
-PLANE_SLOPE = 6 * U
-# Radicand r^2 - |foot|^2, in r^2: square 1, squared length 3, difference 1, and twice the 4 roundings of the
-# foot (a fused projection, a correction, again a projection); half of it is a distance along the normal.
-SPHERE_DISTANCE = 6.5 * U
-# A unit vector from three components that carry 3 roundings: squared length 3 / 2, root 1, reciprocal 1, product 1.
-UNIT_VECTOR = 4 * U
-# A reflected direction d - 2 (d.n) n: dot product 3 and n 1, twice; sum 1; unit vector.
-REFLECTED = 8 * U + U + UNIT_VECTOR
-# A point brought through a matrix: matrix 1, dot product 3, sum 1 (and the same for a direction, plus its length).
-TRANSFORMED = 5 * U
-# Vertex normals made from faces: edges 1, cross product 3, unit vector, angle 8, and the sum over about six faces.
-VERTEX_NORMAL = 24 * U
-# Barycentric weights, relative to |e1| |e2| / |e1 x e2|: differences 2, two cross products 3 each, dot 3, division 2.
-WEIGHTS = 13 * U
-# Light: difference 1 a component, squared length 3, then root, reciprocal and product; so for l.
-TO_LIGHT = 4 * U
-# 1 / distance^2: the squared length twice, a reciprocal and a product; times intensity and a term.
-IRRADIANCE = 10 * U
-# The angle in a spot light's cone: three dot products with rounded rows (4), root 3, arc tangent 4.
-CONE_ANGLE = 11 * U
-# k_d (n.l) + k_s f times I: two products and a sum each, and k itself rounded.
-TERM = 5 * U
-# exp2(p log2(1 - y)): the chord carries its own roundings (see below), exp2 and log2 two each.
-POWER = 4 * U
-# Texture coordinates: dot product 3, arc tangent 4, scale and offset 3, by a texture's own transform 3; of at most 1.
-COORDINATE = 13 * U
-# Offset of a ray's start from its surface, in units of the surface's distance from the origin along n.
-OFFSET = 8 * U
-
-Matrix = NDArray[np.float64]
 _EYE = np.eye(3)
-
-
-def radius(form: Matrix) -> Any:
-    """Return the largest value of a linear form: a number, or one a component."""
-    return np.abs(form).sum(axis=-1)
-
-
-def length(form: Matrix) -> float:
-    """Bound the length of a vector of three forms."""
-    return float(np.linalg.norm(radius(form)))
 
 
 @dataclass
@@ -110,6 +71,7 @@ class Step:
     ray : the ray that arrives
     p : error form of the hit, or None where nothing is hit
     facing, mirror : largest errors of the cosines that are compared with 0
+    share : largest relative error of the product of all k_m, its own included
     offset : how far from its surface a ray that leaves the hit may start
     uv : largest errors of the surface coordinates
     """
@@ -118,6 +80,7 @@ class Step:
     p: Matrix | None = None
     facing: float = 0.0
     mirror: float = 0.0
+    share: float = 0.0
     offset: float = 0.0
     uv: tuple[float, float] = (0.0, 0.0)
     lights: dict[str, Arrival] = field(default_factory=dict)
@@ -138,23 +101,24 @@ class Follower(Recorder):
         primitive, t = super(Recorder, self).first_hit(e, d, start, end, leaving)
         if primitive is not None:
             assert t is not None
-            self._describe(self._stack[-1], primitive, t, e, d)
+            self.describe(self.node, primitive, t, e, d)
         return primitive, t
 
     def blocker(self, p, l, distance, leaving, light):  # type: ignore[no-untyped-def]  # noqa: E741
         """Do as the plain tracer, and keep who blocks."""
         primitive = super(Recorder, self).blocker(p, l, distance, leaving, light)
-        node = self._stack[-1].lights[-1]
+        node = self.node.lights[-1]
         node.blocked_by = primitive.surface.id if primitive else None
         return primitive
 
     def textured(self, side: Material, uv: tuple[float, float]) -> Terms:
         """Do as the plain tracer, and keep the coefficients."""
         terms = super(Recorder, self).textured(side, uv)
-        self._stack[-1].terms = terms
+        self.node.terms = terms
         return terms
 
-    def _decide(self, key: Key, kind: str, shape: str, answer: bool, by: float) -> bool:
+    def decide(self, key: Key, kind: str, shape: str, answer: bool, by: float) -> bool:
+        """Leave decisions as they are, and unwritten."""
         return answer
 
 
@@ -169,11 +133,11 @@ class Rounding:
     def __init__(self, tracer: Recorder, slopes: Slopes) -> None:
         self._primitives = tracer.primitives
         self._lights = {light.id: light for light in tracer.lights}
-        self._ambient = np.array(tracer._ambient, float)
+        self._ambient = np.array(tracer.ambient, float)
         self._slopes = slopes
-        eye = np.array([float(row[3]) for row in tracer.camera._rows])
+        eye = np.array(tracer.camera.eye, float)
         self._eye = eye
-        self._perspective = tracer.camera._perspective
+        self._perspective = tracer.camera.perspective
 
     # --------------------------------------------------------------------------------------------- path
     def bound(self, tree: Tree) -> Bound:
@@ -181,7 +145,6 @@ class Rounding:
         node: RayNode | None = tree.root
         assert node is not None
         ray = self._camera_ray(node)
-        off = {d.key.primitive: abs(d.margin) for d in tree.decisions if d.key.what == "seen"}
         steps: list[Step] = []
         total = np.zeros(3)
         share, share_error = np.ones(3), np.zeros(3)
@@ -191,17 +154,19 @@ class Rounding:
                 total += share_error * node.colour
                 steps.append(Step(ray))
                 break
-            step, own_error, terms, ray = self._step(node, ray, off.get(node.primitive, 0.0) if node.forced else 0.0)
+            step, own_error, terms, ray = self._step(node, ray)
             steps.append(step)
             below = np.array(node.mirror.colour, float) if node.mirror else np.zeros(3)
             k_m, k_m_error = np.zeros(3), np.zeros(3)
-            if node.mirror is not None and terms is not None and terms.mirror is not None:
+            if terms is not None and terms.mirror is not None:
                 k_m = np.array(terms.mirror, float)
                 k_m_error = U * k_m + self._texture(node, "mirror", step.uv)
             own = np.abs(np.array(node.colour, float) - k_m * below)
             total += share * own_error + share_error * (own + own_error)
             share_error = share_error * (k_m + k_m_error) + share * (k_m_error + U * k_m)
             share = share * k_m
+            if share.any():
+                step.share = float(share_error.max() / share.max())
             sums += 3 + len(node.lights)
             if ray is None or not np.isfinite(total).all():
                 break
@@ -226,7 +191,7 @@ class Rounding:
         origin = CAMERA_ORIGIN * np.diag(np.abs(self._eye) + np.abs(e - self._eye))
         return Ray(np.hstack([origin, 0 * _EYE]), np.hstack([0 * _EYE, U * _EYE]), 0.0)
 
-    def _step(self, node: RayNode, ray: Ray, off: float) -> tuple[Step, NDArray[np.float64], Terms | None, Any]:
+    def _step(self, node: RayNode, ray: Ray) -> tuple[Step, NDArray[np.float64], Terms | None, Any]:
         """Follow one ray to its hit and shade it: errors there, error of the own colour, and the next ray."""
         primitive = self._primitives[node.primitive]
         d = np.array(node.d, float)
@@ -234,7 +199,7 @@ class Rounding:
         patch = Patch(primitive, node)
         if isinstance(primitive, Placed):
             ray = _through_matrix(primitive, node, ray)
-        hit = self._hit(node, ray, patch, n_g, off)
+        hit = self._hit(node, ray, patch, n_g)
         offset = OFFSET * float(np.abs(n_g) @ patch.reach)
         step = Step(ray, hit, offset=offset)
         if not np.isfinite(hit).all():
@@ -245,9 +210,6 @@ class Rounding:
         slope = float(radius(n @ arriving + d @ normal)) + 3 * U
         flat_slope = float(radius(n_g @ arriving)) + 4 * U + (0.0 if patch.flat else length(normal))
         step.facing = max(slope, flat_slope)
-        black = not any(node.colour) and node.mirror is None and not node.lights
-        if black:
-            return step, np.zeros(3), None, None
         side = side_of(self._surface(node), node)
         uv = (0.0, 0.0)
         terms = side.constant
@@ -255,6 +217,8 @@ class Rounding:
             assert node.uv is not None
             uv = step.uv = patch.uv_error(hit)
             terms = node.terms or side.at(*node.uv)
+        if not any(node.colour) and node.mirror is None and not node.lights:  # black
+            return step, np.zeros(3), terms, None
         error = self._shade(node, step, terms, hit, normal, arriving, uv)
         # The reflected ray: r = d - 2 (d.n) n.
         cosine = float(d @ n)
@@ -266,7 +230,7 @@ class Rounding:
         step.mirror = max(slope, float(radius(r_n_g)) + 4 * U + (0.0 if patch.flat else length(normal)))
         return step, error, terms, Ray(e, r, offset)
 
-    def _hit(self, node: RayNode, ray: Ray, patch: Patch, n_g: Matrix, off: float) -> Matrix:
+    def _hit(self, node: RayNode, ray: Ray, patch: Patch, n_g: Matrix) -> Matrix:
         """Return the error form of the hit point."""
         d = np.array(node.d, float)
         moved = ray.e + node.t * ray.d
@@ -274,7 +238,8 @@ class Rounding:
         cosine = float(d @ n_g)
         c = abs(cosine) - float(radius(n_g @ ray.d)) * (patch.curvature == 0.0)
         own = patch.distance_roundings(node.t)
-        distance = float(radius(away)) + own + off
+        # What a turned decision makes it meet, the ray misses by `forced`, at the place taken by up to twice that.
+        distance = float(radius(away)) + own + 2.0 * node.forced
         along = d - cosine * n_g
         if patch.curvature == 0.0:
             if c <= 0.0:
@@ -318,7 +283,7 @@ class Rounding:
         for light in node.lights:
             source = self._lights[light.id]
             l = np.array(light.l, float)  # noqa: E741
-            to_light, relative, distance = self._arrival(source, node, hit, l)
+            to_light, relative, distance = self._arrival(source, node, light, hit, l)
             tilt = float(radius(n @ to_light + l @ normal)) + 4 * U
             flat_tilt = float(radius(n_g @ to_light)) + 4 * U + (0.0 if n_g is n else length(normal))
             step.lights[light.id] = Arrival(to_light, max(tilt, flat_tilt), distance)
@@ -332,11 +297,13 @@ class Rounding:
             error = error + irradiance * part * (1 + relative) + (relative + TERM) * np.abs(np.array(light.colour))
         return np.asarray(error, float)
 
-    def _arrival(self, source: Light, node: RayNode, hit: Matrix, l: Matrix) -> tuple[Matrix, float, float]:  # noqa: E741
+    def _arrival(
+        self, source: Light, node: RayNode, light: LightNode, hit: Matrix, l: Matrix  # noqa: E741
+    ) -> tuple[Matrix, float, float]:
         """Return the error form of l, the relative error of the irradiance, and that of the distance."""
         if not isinstance(source, Point):
             return np.hstack([np.zeros(hit.shape)]), U, 0.0
-        found = source.arrive(*node.p)  # type: ignore[misc]
+        found = Point.arrive(source, *node.p)  # type: ignore[misc]  # whatever its cone says of the place
         if found is None or not found[3] > 0.0:
             return np.zeros(hit.shape), 0.0, length(hit)
         distance = float(found[3])
@@ -344,21 +311,24 @@ class Rounding:
         form = (np.outer(l, towards) - hit) / distance
         reach = float(radius(towards))
         relative = IRRADIANCE
-        if source._falloff:
+        if source.falloff:
             relative += 2.0 * reach / max(distance - reach, 1e-300)
-        if isinstance(source, Spot) and source._cutoff > source._beam:
+        share = max(light.irradiance) / max(max(found[4]), 1e-300)
+        if isinstance(source, Spot) and source.cutoff > source.beam and share > 0.0:
             theta = source.angle(*l)
-            if theta > source._beam:
-                relative += self.cone_error(source, hit, l, distance) / max(source._cutoff - theta, 1e-300)
+            off = self.cone_error(source, hit, l, distance)
+            if theta + off > source.beam:
+                relative += off / ((source.cutoff - source.beam) * share)
         return form, relative, reach + 4 * U * distance
 
     def cone_error(self, source: Spot, hit: Matrix, l: Matrix, distance: float) -> float:  # noqa: E741
         """Bound the error of the angle in a spot light's cone, for a point with that error form."""
-        local = np.array(source._to_local, float)
+        local = np.array(source.to_local, float)
         stretch = float(np.linalg.norm(local, 2))
         least = float(np.linalg.norm(local @ l))
         off = (np.outer(l, l @ hit) - hit) / distance
-        return stretch * (length(off) + CONE_ANGLE) / least
+        theta = float(source.angle(*l))
+        return stretch * (length(off) + CONE_PLACE) / least + ARC_TANGENT * theta + U * float(source.cutoff)
 
     def _highlight(
         self,
@@ -419,104 +389,6 @@ def _through_matrix(primitive: Placed, node: RayNode, ray: Ray) -> Ray:
         np.hstack([ray.d, np.zeros((3, 3)), d])[:, : symbols + 6],
         ray.offset,
     )
-
-
-class Patch:
-    """The surface around a hit: how its normal and coordinates change, by differences, and its own roundings."""
-
-    def __init__(self, primitive: Primitive, node: RayNode) -> None:
-        self._primitive = primitive
-        self._node = node
-        low, high = np.array(primitive.box[:3], float), np.array(primitive.box[3:], float)
-        self.extent = high - low
-        self.reach = np.maximum(np.abs(low), np.abs(high))
-        self._g = np.array(node.n_g, float)
-        first, second = primitive.normals(node.e, node.d, node.t, node.p)  # type: ignore[arg-type]
-        self.flat = first is not second  # a shading normal of its own over a flat face
-        inner = primitive.primitive if isinstance(primitive, Placed) else primitive
-        self._smooth = self.flat and hasattr(inner, "_normals") and inner._normals is not None
-        self._ball = isinstance(inner, Sphere)
-        # Two unit vectors across the normal, and the change of the normal along each.
-        a = np.array([0.0, 1.0, 0.0]) if abs(self._g[0]) > 0.5 else np.array([1.0, 0.0, 0.0])
-        u = np.cross(self._g, a)
-        u /= np.linalg.norm(u)
-        self._tangents = np.array([u, np.cross(self._g, u)])
-        # A part in a million of the size: the difference is right to (10^-6)^2, and to 2^-53 / 10^-6.
-        self._by = 1e-6 * float(np.linalg.norm(self.extent))
-        curved = self._smooth or not self._is_flat(inner)
-        if curved:
-            turned = [self._normal_at(+t) - self._normal_at(-t) for t in self._tangents * self._by]
-            self._slope = np.array(turned).T / (2.0 * self._by)
-        else:
-            self._slope = np.zeros((3, 2))
-        self.curvature = 0.0
-        if curved and not self._smooth:
-            along = self._tangents @ np.array(node.d, float)
-            towards = self._tangents @ self._slope  # the shape operator in the tangents
-            self.curvature = abs(float(along @ towards @ along))
-            self.flat = False
-        else:
-            self.flat = True
-
-    @staticmethod
-    def _is_flat(inner: Primitive) -> bool:
-        return hasattr(inner, "sides") or hasattr(inner, "frame")
-
-    def _moved(self, by: Matrix) -> tuple[Any, Any, Any, Any]:
-        node = self._node
-        assert node.p is not None
-        e = tuple(x + y for x, y in zip(node.e, by.tolist(), strict=True))
-        p = tuple(x + y for x, y in zip(node.p, by.tolist(), strict=True))
-        return e, node.d, node.t, p
-
-    def _normal_at(self, by: Matrix) -> Matrix:
-        return np.array(self._primitive.normals(*self._moved(by))[0], float)
-
-    def turn_of_normal(self, hit: Matrix) -> Matrix:
-        """Return the error form of the normal that follows from that of the point."""
-        turned: Matrix = self._slope @ (self._tangents @ hit)
-        return turned
-
-    @property
-    def normal_roundings(self) -> float:
-        """Own roundings of the normal, a component."""
-        if self._smooth:
-            slope = float(np.abs(self._slope).max()) * float(np.linalg.norm(self.extent))
-            return VERTEX_NORMAL + UNIT_VECTOR + WEIGHTS * slope
-        placed = TRANSFORMED + UNIT_VECTOR if isinstance(self._primitive, Placed) else 0.0
-        return placed + (U if self.flat else UNIT_VECTOR + 3 * U)
-
-    def distance_roundings(self, t: float) -> float:
-        """Own roundings of the meeting, as a distance along the normal."""
-        if self._ball:
-            return SPHERE_DISTANCE * float(self.extent.max()) / 2.0
-        g, d = np.abs(self._g), np.abs(np.array(self._node.d, float))
-        slant = float(g @ d) * t
-        across = float(g @ self.extent) if self.flat else float(np.linalg.norm(self.extent))
-        return PLANE_DISTANCE * (slant + across) + PLANE_SLOPE * slant
-
-    @property
-    def point_roundings(self) -> NDArray[np.float64]:
-        """Own roundings of the point: of its coordinates, and of its place on the surface."""
-        assert self._node.p is not None
-        coordinates = 2 * U * np.abs(np.array(self._node.p, float))
-        if isinstance(self._primitive, Placed):
-            coordinates = coordinates + TRANSFORMED * self.reach
-        if self._ball or not self.flat:
-            return np.asarray(coordinates + (UNIT_VECTOR + 3 * U) * float(self.extent.max()) / 2.0)
-        return np.asarray(coordinates + PLANE_DISTANCE * float(np.abs(self._g) @ self.extent) * np.abs(self._g))
-
-    def uv_error(self, hit: Matrix) -> tuple[float, float]:
-        """Bound the errors of the surface coordinates, by differences along the surface."""
-        ahead, behind = (
-            np.array([self._primitive.uv(*self._moved(s * self._by * t)) for t in self._tangents], float)
-            for s in (1.0, -1.0)
-        )
-        change = ahead - behind
-        change -= np.rint(change)  # over the seam where a turn begins, coordinates jump by 1
-        slope = change.T / (2.0 * self._by)
-        off = radius(slope @ (self._tangents @ hit)) + COORDINATE
-        return float(off[0]), float(off[1])
 
 
 def side_of(surface: Surface, node: RayNode) -> Material:

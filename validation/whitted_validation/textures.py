@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from whitted_reference import scene
 from whitted_reference.arithmetic import FLOAT
 from whitted_reference.textures import evaluator
+from whitted_validation.roundoffs import U
 
 COLOURS = ("ambient", "diffuse", "specular", "mirror")
 TERMS = (*COLOURS, "exponent")
-U = 2.0**-24
 # A byte's linear value: a power of base 2.4 of it, by a logarithm and an exponential; relative to 1.
 DECODED = 8 * U
 

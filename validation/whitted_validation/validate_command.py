@@ -75,7 +75,7 @@ def add_to(group: click.Group, defines: Callable[..., Any], folders: Callable[..
 
 
 def _judge(scenes: tuple[str, ...], options: dict[str, Any], folder: Path | str | None) -> int:
-    from whitted_validation import report
+    from whitted_validation.report.verdicts import exit_code, write_verdicts
     from whitted_validation.validation import Verdict, cache_folder, processes, validate
 
     verdicts: list[Verdict] = []
@@ -83,11 +83,7 @@ def _judge(scenes: tuple[str, ...], options: dict[str, Any], folder: Path | str 
 
     def save(complete: bool) -> None:
         if folder:
-            facts = report.results(report.command_line(), verdicts, refused)
-            try:
-                report.write(Path(folder), facts, verdicts, complete)
-            except OSError as error:
-                raise Refusal(f"--report {folder}: cannot be written: {error.strerror or error}") from None
+            write_verdicts(Path(folder), verdicts, refused, complete)
 
     save(complete=False)  # before any work: the folder can be written to
     with processes() as workers:
@@ -109,7 +105,7 @@ def _judge(scenes: tuple[str, ...], options: dict[str, Any], folder: Path | str 
                     )
             save(complete=False)
     save(complete=True)
-    return report.exit_code(verdicts, refused)
+    return exit_code(verdicts, refused)
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 import whitted_reference
 from whitted_reference.image import resized
 from whitted_validation.bounds import measure
+from whitted_validation.picture_reading import read_picture
 from whitted_validation.refusal import Refusal
 from whitted_validation.request import Request
 from whitted_validation.verdict import Judgement, Status, judge
@@ -41,6 +42,7 @@ class Verdict:
     grid : samples per pixel are grid x grid
     judgement : pictures, bounds, status and differences
     seconds : what it took
+    description, sensor : what was traced, as the reference reads it, and from which of its sensors
     """
 
     scene: Path
@@ -49,6 +51,8 @@ class Verdict:
     grid: int
     judgement: Judgement
     seconds: float
+    description: whitted_reference.Scene
+    sensor: int
 
     @property
     def good(self) -> bool:
@@ -67,7 +71,7 @@ class Verdict:
         return self.summary
 
     def _repr_html_(self) -> str:
-        from whitted_validation.report import pictures
+        from whitted_validation.report.verdicts import pictures
 
         return f"<p>{html.escape(self.summary)}</p>{pictures(self)}"
 
@@ -147,7 +151,7 @@ def validate(
         if against is None:
             picture, drawn_by = _drawn(request, size, grid, sensor)
         else:
-            picture, drawn_by = read_picture(against), ""
+            picture, drawn_by = _given_picture(against), ""
         film = scene.sensors[sensor].film
         if picture.shape != (film.crop_height, film.crop_width, 3):
             raise Refusal(
@@ -161,7 +165,7 @@ def validate(
     except whitted_reference.SceneError as error:
         raise Refusal(str(error)) from None
     seconds = time.perf_counter() - start
-    return Verdict(file, drawn_by, "" if against is None else str(against), grid, judgement, seconds)
+    return Verdict(file, drawn_by, "" if against is None else str(against), grid, judgement, seconds, scene, sensor)
 
 
 @contextmanager
@@ -181,38 +185,13 @@ def _drawn(request: Request, size: tuple[int, int] | None, grid: int, sensor: in
     if not variant.endswith("_rgb"):
         raise Refusal(f"-m {variant}: pictures are judged in rgb variants")
     if size is not None:
-        film = mi.traverse(loaded.sensor.film())
-        film["size"] = size
-        film["crop_offset"] = (0, 0)
-        film["crop_size"] = size
-        film.update()
-        loaded.sensor.parameters_changed()
+        render.resize(loaded, size)
     return render.render(loaded, grid).astype(np.float64), variant
 
 
-def read_picture(path: Path) -> NDArray[np.float64]:
-    """Read linear RGB from .exr or .npy.
-
-    Raises
-    ------
-    Refusal
-        If the file is neither, or holds no picture.
-    """
-    try:
-        if path.suffix.lower() == ".npy":
-            picture = np.load(path, allow_pickle=False)
-        elif path.suffix.lower() == ".exr":
-            import mitsuba_whitted  # noqa: F401  # chooses libLLVM before Mitsuba looks for it
-
-            import mitsuba as mi  # isort: skip
-
-            if mi.variant() is None:
-                mi.set_variant("scalar_rgb")
-            picture = np.array(mi.Bitmap(str(path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False))
-        else:
-            raise Refusal(f"{path}: a picture to be judged ends in .exr or .npy: it must be linear, and not in bytes")
-    except (OSError, ValueError, RuntimeError) as error:
-        raise Refusal(f"{path}: cannot be read: {' '.join(str(error).split())}") from None
-    if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype.kind != "f":
-        raise Refusal(f"{path}: holds {picture.dtype} of shape {picture.shape}; (height, width, 3) floats needed")
-    return np.asarray(picture, np.float64)
+def _given_picture(path: Path) -> NDArray[np.float64]:
+    """Read a picture that can be judged: no steps of 8 or 16 bits, which are far coarser than any bound."""
+    picture = read_picture(path)
+    if picture.stepped:
+        raise Refusal(f"{picture.name}: a picture to be judged is .exr or .npy: linear, and not in steps")
+    return picture.values.astype(np.float64)

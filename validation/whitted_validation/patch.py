@@ -1,0 +1,122 @@
+"""The surface around a hit: how its normal and coordinates change there, and what they cost in float32."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whitted_reference.instances import Placed
+from whitted_reference.ray_tree import RayNode
+from whitted_reference.shapes import Primitive, Sphere
+from whitted_validation.forms import Matrix, radius
+from whitted_validation.roundoffs import (
+    COORDINATE,
+    PLANE_DISTANCE,
+    PLANE_SLOPE,
+    SPHERE_DISTANCE,
+    TRANSFORMED,
+    UNIT_VECTOR,
+    VERTEX_NORMAL,
+    WEIGHTS,
+    U,
+)
+
+
+class Patch:
+    """The surface around a hit: how its normal and coordinates change, by differences, and its own roundings."""
+
+    def __init__(self, primitive: Primitive, node: RayNode) -> None:
+        self._primitive = primitive
+        self._node = node
+        low, high = np.array(primitive.box[:3], float), np.array(primitive.box[3:], float)
+        self.extent = high - low
+        self.reach = np.maximum(np.abs(low), np.abs(high))
+        self._g = np.array(node.n_g, float)
+        first, second = primitive.normals(node.e, node.d, node.t, node.p)  # type: ignore[arg-type]
+        self.flat = first is not second  # a shading normal of its own over a flat face
+        inner = primitive.primitive if isinstance(primitive, Placed) else primitive
+        self._smooth = self.flat and hasattr(inner, "vertex_normals") and inner.vertex_normals is not None
+        self._ball = isinstance(inner, Sphere)
+        # Two unit vectors across the normal, and the change of the normal along each.
+        a = np.array([0.0, 1.0, 0.0]) if abs(self._g[0]) > 0.5 else np.array([1.0, 0.0, 0.0])
+        u = np.cross(self._g, a)
+        u /= np.linalg.norm(u)
+        self._tangents = np.array([u, np.cross(self._g, u)])
+        # A part in a million of the size: the difference is right to (10^-6)^2, and to 2^-53 / 10^-6.
+        self._by = 1e-6 * float(np.linalg.norm(self.extent))
+        curved = self._smooth or not self._is_flat(inner)
+        if curved:
+            turned = [self._normal_at(+t) - self._normal_at(-t) for t in self._tangents * self._by]
+            self._slope = np.array(turned).T / (2.0 * self._by)
+        else:
+            self._slope = np.zeros((3, 2))
+        self.curvature = 0.0
+        if curved and not self._smooth:
+            along = self._tangents @ np.array(node.d, float)
+            towards = self._tangents @ self._slope  # the shape operator in the tangents
+            self.curvature = abs(float(along @ towards @ along))
+            self.flat = False
+        else:
+            self.flat = True
+
+    @staticmethod
+    def _is_flat(inner: Primitive) -> bool:
+        return hasattr(inner, "sides") or hasattr(inner, "frame")
+
+    def _moved(self, by: Matrix) -> tuple[Any, Any, Any, Any]:
+        node = self._node
+        assert node.p is not None
+        e = tuple(x + y for x, y in zip(node.e, by.tolist(), strict=True))
+        p = tuple(x + y for x, y in zip(node.p, by.tolist(), strict=True))
+        return e, node.d, node.t, p
+
+    def _normal_at(self, by: Matrix) -> Matrix:
+        return np.array(self._primitive.normals(*self._moved(by))[0], float)
+
+    def turn_of_normal(self, hit: Matrix) -> Matrix:
+        """Return the error form of the normal that follows from that of the point."""
+        turned: Matrix = self._slope @ (self._tangents @ hit)
+        return turned
+
+    @property
+    def normal_roundings(self) -> float:
+        """Own roundings of the normal, a component."""
+        if self._smooth:
+            slope = float(np.abs(self._slope).max()) * float(np.linalg.norm(self.extent))
+            return VERTEX_NORMAL + UNIT_VECTOR + WEIGHTS * slope
+        placed = TRANSFORMED + UNIT_VECTOR if isinstance(self._primitive, Placed) else 0.0
+        return placed + (U if self.flat else UNIT_VECTOR + 3 * U)
+
+    def distance_roundings(self, t: float) -> float:
+        """Own roundings of the meeting, as a distance along the normal."""
+        if self._ball:
+            return SPHERE_DISTANCE * float(self.extent.max()) / 2.0
+        g, d = np.abs(self._g), np.abs(np.array(self._node.d, float))
+        slant = float(g @ d) * t
+        across = float(g @ self.extent) if self.flat else float(np.linalg.norm(self.extent))
+        return PLANE_DISTANCE * (slant + across) + PLANE_SLOPE * slant
+
+    @property
+    def point_roundings(self) -> NDArray[np.float64]:
+        """Own roundings of the point: of its coordinates, and of its place on the surface."""
+        assert self._node.p is not None
+        coordinates = 2 * U * np.abs(np.array(self._node.p, float))
+        if isinstance(self._primitive, Placed):
+            coordinates = coordinates + TRANSFORMED * self.reach
+        if self._ball or not self.flat:
+            return np.asarray(coordinates + (UNIT_VECTOR + 3 * U) * float(self.extent.max()) / 2.0)
+        return np.asarray(coordinates + PLANE_DISTANCE * float(np.abs(self._g) @ self.extent) * np.abs(self._g))
+
+    def uv_error(self, hit: Matrix) -> tuple[float, float]:
+        """Bound the errors of the surface coordinates, by differences along the surface."""
+        ahead, behind = (
+            np.array([self._primitive.uv(*self._moved(s * self._by * t)) for t in self._tangents], float)
+            for s in (1.0, -1.0)
+        )
+        change = ahead - behind
+        change -= np.rint(change)  # over the seam where a turn begins, coordinates jump by 1
+        slope = change.T / (2.0 * self._by)
+        off = radius(slope @ (self._tangents @ hit)) + COORDINATE
+        return float(off[0]), float(off[1])

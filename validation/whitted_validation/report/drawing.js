@@ -1,0 +1,132 @@
+// Turning pictures into colours on a canvas.
+
+const HUES = { // of the verdict: equal, explained, unexplained
+  light: [[222, 226, 220], [36, 99, 209], [208, 28, 38]],
+  dark: [[52, 58, 60], [110, 160, 255], [255, 92, 92]],
+};
+// Black for no error, then from dark blue over magenta and orange to near white: lighter is worse.
+const RAMP = [[20, 20, 54], [82, 28, 120], [168, 46, 110], [230, 92, 60], [250, 170, 70], [255, 250, 215]];
+
+const isDark = () => matchMedia("(prefers-color-scheme: dark)").matches && !matchMedia("print").matches;
+
+/** sRGB (IEC 61966-2-1), in bytes, of linear radiance. */
+function coded(linear) {
+  if (!(linear > 0)) return 0;
+  if (linear >= 1) return 255;
+  return 255 * (linear <= 0.0031308 ? 12.92 * linear : 1.055 * linear ** (1 / 2.4) - 0.055) + 0.5;
+}
+
+/** Colour of a share 0..1 of the error scale. */
+function ramp(share) {
+  const at = Math.min(Math.max(share, 0), 1) * (RAMP.length - 1);
+  const k = Math.min(Math.floor(at), RAMP.length - 2);
+  return RAMP[k].map((from, c) => from + (at - k) * (RAMP[k + 1][c] - from));
+}
+
+/** The ends of the error scale as powers of ten: what float32 can show, up to the largest finite error. */
+function scaleOf(pair, unit) {
+  const errors = unit === "ulp" ? pair.worstUlps : pair.worst;
+  let largest = 0;
+  for (const error of errors) if (Number.isFinite(error) && error > largest) largest = error;
+  const [low, high] = unit === "ulp" ? [-1, 3] : [-9, -3];
+  return [low, Math.max(high, Math.ceil(Math.log10(largest || 1e-300)))];
+}
+
+const makers = {
+  /** A picture at an exposure in stops; what is no finite number shows as magenta. */
+  light(planes, exposure) {
+    const gain = 2 ** exposure;
+    return (i) => {
+      const rgb = planes.map((plane) => plane[i]);
+      return rgb.every(Number.isFinite) ? rgb.map((x) => coded(gain * x)) : [255, 0, 255];
+    };
+  },
+  error(pair, unit) {
+    const errors = unit === "ulp" ? pair.worstUlps : pair.worst;
+    const [low, high] = scaleOf(pair, unit);
+    return (i) => {
+      if (errors[i] === 0) return [0, 0, 0];
+      return errors[i] === Infinity ? [255, 0, 255] : ramp((Math.log10(errors[i]) - low) / (high - low));
+    };
+  },
+  verdict(pair) {
+    const hues = HUES[isDark() ? "dark" : "light"];
+    return (i) => hues[pair.status[i]];
+  },
+};
+
+/** Paint all pixels onto a canvas of the picture's own size. */
+function painted(width, height, colour) {
+  const canvas = new OffscreenCanvas(width, height);
+  const context = canvas.getContext("2d");
+  const image = context.createImageData(width, height);
+  for (let i = 0; i < width * height; i++) {
+    const [r, g, b] = colour(i);
+    image.data[4 * i] = r; image.data[4 * i + 1] = g; image.data[4 * i + 2] = b; image.data[4 * i + 3] = 255;
+  }
+  context.putImageData(image, 0, 0);
+  return canvas;
+}
+
+/** A number as short as it can be read in a pixel. */
+function brief(x) {
+  if (Number.isNaN(x)) return "NaN";
+  if (!Number.isFinite(x)) return x > 0 ? "∞" : "−∞";
+  if (x === 0) return "0";
+  const size = Math.abs(x);
+  return (size >= 1e-3 && size < 1e4 ? String(Number(x.toPrecision(4))) : x.toExponential(2)).replace("-", "−");
+}
+
+/** Write the numbers of the pixels in sight into them. */
+function writeNumbers(context, viewer) {
+  const { pair, scale, left, top, view } = viewer;
+  const [x0, y0] = [Math.max(0, Math.floor(left)), Math.max(0, Math.floor(top))];
+  const x1 = Math.min(pair.width, Math.ceil(left + viewer.wide / scale));
+  const y1 = Math.min(pair.height, Math.ceil(top + viewer.tall / scale));
+  const size = Math.min(15, scale / 5);
+  context.font = `${size}px ui-monospace, Menlo, Consolas, "DejaVu Sans Mono", monospace`;
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  for (let y = y0; y < y1; y++) {
+    for (let x = x0; x < x1; x++) {
+      const i = y * pair.width + x;
+      const lines = viewer.linesOf(i, x);
+      const [r, g, b] = viewer.colourAt(i, x);
+      context.fillStyle = 0.299 * r + 0.587 * g + 0.114 * b > 140 ? "#000" : "#fff";
+      lines.forEach((line, k) => {
+        const down = (k - (lines.length - 1) / 2) * 1.25 * size;
+        context.fillText(line, (x + 0.5 - left) * scale, (y + 0.5 - top) * scale + down);
+      });
+    }
+  }
+}
+
+/** Mark the pixels that are not equal: their areas, and rings around those that are too small to be seen. */
+function markUnequal(context, viewer) {
+  const { pair, scale, left, top, listed } = viewer;
+  const hues = HUES[isDark() ? "dark" : "light"];
+  for (const i of listed) {
+    const [x, y] = [(i % pair.width - left) * scale, (Math.floor(i / pair.width) - top) * scale];
+    if (x < -scale || y < -scale || x > viewer.wide || y > viewer.tall) continue;
+    context.strokeStyle = `rgb(${hues[pair.status[i]]})`;
+    context.lineWidth = 2;
+    context.beginPath();
+    if (scale < 8) context.arc(x + scale / 2, y + scale / 2, 7, 0, 2 * Math.PI);
+    else context.rect(x + 1, y + 1, scale - 2, scale - 2);
+    context.stroke();
+  }
+}
+
+/** Outline the chosen pixel, so that it is seen on black and on white. */
+function outline(context, viewer, i) {
+  const { pair, scale, left, top } = viewer;
+  const side = Math.max(scale, 5);
+  const x = (i % pair.width + 0.5 - left) * scale - side / 2;
+  const y = (Math.floor(i / pair.width) + 0.5 - top) * scale - side / 2;
+  context.lineWidth = 3;
+  context.strokeStyle = "#000";
+  context.strokeRect(x, y, side, side);
+  context.lineWidth = 1;
+  context.strokeStyle = "#fff";
+  context.strokeRect(x, y, side, side);
+}
