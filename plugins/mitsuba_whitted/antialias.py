@@ -377,7 +377,7 @@ def _look_closer(look: Look, cells: _Cells, estimate: _Estimate, close: Any, tau
         low_next = dr.select(searching & ~first & beyond, bulge, low)
         high_next = dr.select(searching & ~first & ~beyond, bulge, high)
         found = ~first & (high_next - low_next <= fine * 1.001)
-        failed = failed | (searching & (~known | (low_next > 0.5)))
+        failed = failed | (searching & (~known | (low_next > 0.25)))
         failed |= (phase == AT_A) & ~(known & is_a)
         failed |= (phase == AT_B) & ~(known & ~is_a)
         failed |= (phase == IN_CENTRE) & (path != path_a)
