@@ -224,7 +224,7 @@ def _from_corners(cells: _Cells) -> _Estimate:
     high = dr.maximum(dr.maximum(colours[0], colours[1]), dr.maximum(colours[2], colours[3]))
     area = cells.step * cells.step
     bent = _bend(cells) * (1 / 12)
-    error = area * dr.select(kind == SMOOTH, bent, norm(high - low) * MIXED)
+    error = area * dr.maximum(bent, dr.select(kind == SMOOTH, 0, norm(high - low) * MIXED))
     count = dr.width(cells.x)
     value = dr.empty(mi.Float, 4 * count)
     dr.scatter(value, mean, dr.arange(mi.UInt32, count))
@@ -292,12 +292,12 @@ def _look_closer(look: Look, cells: _Cells, estimate: _Estimate, close: Any, tau
     corners = here.corners()
     colours = [here.colour(sample) for sample in corners]
     paths = [here.path(sample) for sample in corners]
-    is_edge = dr.gather(mi.UInt32, estimate.kind, close) == EDGE
+    two = dr.gather(mi.UInt32, estimate.kind, close) == EDGE
     area = here.step * here.step
 
     in_a = [paths[k] == paths[0] for k in range(4)]
     corner_at = [mi.Point2f(0, 0), mi.Point2f(1, 0), mi.Point2f(1, 1), mi.Point2f(0, 1)]
-    t = [dr.gather(mi.Float, crossings, side, is_edge) for side in _sides(here)]
+    t = [dr.gather(mi.Float, crossings, side, two) for side in _sides(here)]
     crossing_at = [mi.Point2f(t[0], 0), mi.Point2f(1, t[1]), mi.Point2f(t[2], 1), mi.Point2f(0, t[3])]
     failed = mi.Bool(False)
     leave, enter = mi.Point2f(0), mi.Point2f(0)  # where the outline of A meets the edge
@@ -328,6 +328,9 @@ def _look_closer(look: Look, cells: _Cells, estimate: _Estimate, close: Any, tau
     mean_a, mean_b = sum_a / n_a, sum_b / dr.maximum(4 - n_a, 1)
     path_a, path_b = paths[0], dr.select(in_a[1], dr.select(in_a[2], paths[3], paths[2]), paths[1])
     contrast = norm(mean_a - mean_b)
+    # Where both sides of an edge have nearly the same colour, what counts is whether the centre has it too.
+    is_edge = two & (area * contrast * MIXED > limit)
+    failed &= is_edge
     chord = enter - leave
     length = dr.norm(chord)
     middle = (leave + enter) * 0.5
@@ -367,7 +370,7 @@ def _look_closer(look: Look, cells: _Cells, estimate: _Estimate, close: Any, tau
         alive = phase != OVER
         colour, path = look(dr.fma(at.x, here.step, here.x), dr.fma(at.y, here.step, here.y), alive)
         to_a, to_b = norm(colour - mean_a), norm(colour - mean_b)
-        like = dr.minimum(to_a, to_b) <= ALIKE * contrast
+        like = dr.minimum(to_a, to_b) * area <= dr.minimum(ALIKE * weight, UNLIKE * limit)
         is_a = (path == path_a) | ((path != path_b) & like & (to_a < to_b))
         known = (path == path_a) | (path == path_b) | like
 
@@ -380,7 +383,7 @@ def _look_closer(look: Look, cells: _Cells, estimate: _Estimate, close: Any, tau
         failed = failed | (searching & (~known | (low_next > 0.25)))
         failed |= (phase == AT_A) & ~(known & is_a)
         failed |= (phase == AT_B) & ~(known & ~is_a)
-        failed |= (phase == IN_CENTRE) & (path != path_a)
+        failed |= (phase == IN_CENTRE) & (path != path_a) & (path != path_b)
         colour_a = dr.select((phase == AT_A) | (phase == IN_CENTRE), colour, colour_a)
         colour_b = dr.select(phase == AT_B, colour, colour_b)
         next_phase = dr.select(searching & ~found, phase, following(phase, ask_a, ask_b))
@@ -397,9 +400,10 @@ def _look_closer(look: Look, cells: _Cells, estimate: _Estimate, close: Any, tau
     area_a = dr.clip(area_a + bulge * length * (2 / 3), 0, 1)
     edge_value = colour_a * area_a + colour_b * (1 - area_a)
     off = norm(colour_a - mean_a) * area_a + norm(colour_b - mean_b) * (1 - area_a)
-    centre_value = (mean_a + 2 * colour_a) * (1 / 3)  # Simpson's rule where the colour is a quadratic function
+    mean = (sum_a + sum_b) * 0.25
+    centre_value = (mean + 2 * colour_a) * (1 / 3)  # Simpson's rule where the colour is a quadratic function
     value = dr.select(is_edge, edge_value, centre_value)
-    error = area * dr.select(is_edge, off * OFF, norm(colour_a - mean_a) * SIMPSON)
+    error = area * dr.select(is_edge, off * OFF, norm(colour_a - mean) * SIMPSON)
     error = dr.select(is_edge, dr.maximum(error, LEFT * 0.5 * dr.minimum(limit, weight)), error)
     good = ~failed & (error <= limit)
     dr.scatter(estimate.value, value, close, good)
@@ -450,7 +454,9 @@ def _crossings(look: Look, cells: _Cells, estimate: _Estimate, close: Any, limit
         middle = 0.5 * (low + high)
         colour, path = look(dr.fma(middle, dx, x), dr.fma(middle, dy, y), mi.Bool(True))
         to_0, to_1 = norm(colour - colour_0), norm(colour - colour_1)
-        like = dr.minimum(to_0, to_1) <= ALIKE * contrast
+        like = dr.minimum(to_0, to_1) * here.step * here.step <= dr.minimum(
+            ALIKE * contrast * here.step * here.step, UNLIKE * limit
+        )
         at_0 = (path == path_0) | ((path != path_1) & like & (to_0 < to_1))
         unclear = unclear | ~((path == path_0) | (path == path_1) | like)
         return dr.select(at_0, middle, low), dr.select(at_0, high, middle), unclear
@@ -474,5 +480,6 @@ BENT = 0.2
 SEARCH_BELOW = 0.125
 ASK = 0.15
 ALIKE = 0.1
+UNLIKE = 4.0
 OFF = 0.12
 SIMPSON = 0.15
