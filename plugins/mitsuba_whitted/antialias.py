@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from mitsuba_whitted.tables import opaque
 
@@ -115,14 +116,18 @@ def _refine(look: Look, cells: _Cells, target: float, budget: float, depth: int)
     estimate = _from_corners(cells)
     if not depth:
         return estimate.value
-    tau, spent = _water_level(estimate, cells.inside, target, budget)
-    close = dr.compress((estimate.error > tau) & (estimate.kind != CLUTTER) & cells.inside)
+    tau = _water_level(_histogram(estimate, cells.inside, target), target, budget)
+    wrong = (estimate.error > tau) & cells.inside
+    close = dr.compress(wrong & (estimate.kind != CLUTTER))
     if dr.width(close):
         _look_closer(look, cells, estimate, close, tau)
-    split = dr.compress((estimate.error > tau) & (estimate.kind == CLUTTER) & cells.inside)
+        wrong = (estimate.error > tau) & cells.inside
+    split = dr.compress(wrong)
     if dr.width(split):
+        settled = _histogram(estimate, cells.inside & ~wrong, target)
+        left = max(budget - float(np.sum(settled * _levels(target) ** 2)), LEAST_BUDGET * budget)
         parts = _parts(look, cells, split)
-        values = _refine(look, parts, target, budget, depth - 1)
+        values = _refine(look, parts, target, left, depth - 1)
         _roll_up(estimate.value, split, values)
     return estimate.value
 
@@ -256,21 +261,30 @@ def _bend(cells: _Cells) -> Any:
     )
 
 
-def _water_level(estimate: _Estimate, inside: Any, target: float, budget: float) -> tuple[float, float]:
-    """Find the error above which cells are refined, so that all that is left meets the budget.
+def _histogram(estimate: _Estimate, active: Any, target: float) -> NDArray[np.float64]:
+    """Count the errors of each kind of cell in quarters of an octave: (3, BINS).
 
-    The errors are counted in quarters of an octave: whole numbers, whose sum does not depend on the order.
+    Whole numbers: their sum does not depend on the order in which threads come.
     """
-    octaves_below, bins = 8, 96
-    place = mi.Int32(dr.floor(4 * (dr.log2(estimate.error / opaque(mi.Float(target))) + octaves_below)))
-    histogram = dr.zeros(mi.UInt32, bins)
+    place = mi.Int32(dr.floor(4 * (dr.log2(estimate.error / opaque(mi.Float(target))) + OCTAVES_BELOW)))
+    counts = dr.zeros(mi.UInt32, 3 * BINS)
     dr.scatter_add(
-        histogram, mi.UInt32(1), mi.UInt32(dr.clip(place, 0, bins - 1)), (place >= 0) & inside
+        counts, mi.UInt32(1), estimate.kind * BINS + mi.UInt32(dr.clip(place, 0, BINS - 1)), active & (place >= 0)
     )
-    counts = np.array(histogram, dtype=np.float64)
-    levels = target * 2.0 ** ((np.arange(bins) + 0.5) / 4 - octaves_below)
-    left = [np.sum(counts * np.minimum(levels, LEFT * tau) ** 2) for tau in levels]
-    return float(levels[max(np.searchsorted(left, budget) - 1, 0)]), 0.0
+    return np.array(counts, dtype=np.float64).reshape(3, BINS)
+
+
+def _levels(target: float) -> NDArray[np.float64]:
+    """Errors that the places of a histogram stand for."""
+    levels: NDArray[np.float64] = target * 2.0 ** ((np.arange(BINS) + 0.5) / 4 - OCTAVES_BELOW)
+    return levels
+
+
+def _water_level(histogram: NDArray[np.float64], target: float, budget: float) -> float:
+    """Find the error above which cells are refined, so that all that is left meets the budget."""
+    levels = _levels(target)
+    left = [np.sum(histogram * np.minimum(levels, LEFT[:, None] * tau) ** 2) for tau in levels]
+    return float(levels[max(np.searchsorted(left, budget) - 1, 0)])
 
 
 def _roll_up(value: Any, split: Any, values: Any) -> None:
@@ -404,7 +418,7 @@ def _look_closer(look: Look, cells: _Cells, estimate: _Estimate, close: Any, tau
     centre_value = (mean + 2 * colour_a) * (1 / 3)  # Simpson's rule where the colour is a quadratic function
     value = dr.select(is_edge, edge_value, centre_value)
     error = area * dr.select(is_edge, off * OFF, norm(colour_a - mean) * SIMPSON)
-    error = dr.select(is_edge, dr.maximum(error, LEFT * 0.5 * dr.minimum(limit, weight)), error)
+    error = dr.select(is_edge, dr.maximum(error, 0.5 * dr.minimum(limit, weight)), error)
     good = ~failed & (error <= limit)
     dr.scatter(estimate.value, value, close, good)
     dr.scatter(estimate.error, error, close, good)
@@ -474,12 +488,14 @@ def _crossings(look: Look, cells: _Cells, estimate: _Estimate, close: Any, limit
 
 
 MIXED = 0.3
-LEFT = 1.0
-CROSSING = 0.2
-BENT = 0.2
+LEFT = np.array([0.4, 0.5, 1.2])
+LEAST_BUDGET = 0.05
+OCTAVES_BELOW, BINS = 8, 96
+CROSSING = 0.4
+BENT = 1.6
 SEARCH_BELOW = 0.125
-ASK = 0.15
+ASK = 0.5
 ALIKE = 0.1
-UNLIKE = 4.0
-OFF = 0.12
+UNLIKE = 1.0
+OFF = 0.25
 SIMPSON = 0.15
