@@ -29,10 +29,10 @@ Look = Callable[[Any, Any, Any], tuple[Any, Any]]
 Colours are Vector4f, paths UInt32: see `trace.Traced`.
 """
 
-SPLIT = 4
+SPLIT = 2
 """A cell is split into so many by as many: 21 new samples. A power of two, so that all positions are exact."""
 
-DEPTH = 3
+DEPTH = 5
 """How often a pixel can be split: to 1/64."""
 
 BLOCK = 32
@@ -229,7 +229,7 @@ def _from_corners(cells: _Cells) -> _Estimate:
     high = dr.maximum(dr.maximum(colours[0], colours[1]), dr.maximum(colours[2], colours[3]))
     area = cells.step * cells.step
     bent = _bend(cells) * (1 / 12)
-    error = area * dr.maximum(bent, dr.select(kind == SMOOTH, 0, norm(high - low) * MIXED))
+    error = area * dr.maximum(bent, norm(high - low) * dr.select(kind == SMOOTH, dr.select(cells.step < 1, STEP, 0), MIXED))
     count = dr.width(cells.x)
     value = dr.empty(mi.Float, 4 * count)
     dr.scatter(value, mean, dr.arange(mi.UInt32, count))
@@ -239,7 +239,7 @@ def _from_corners(cells: _Cells) -> _Estimate:
 
 
 def _bend(cells: _Cells) -> Any:
-    """Second differences of the colour along the four sides: of four samples in a row, those next to the side.
+    """Second differences of the colour along the four sides: of each four samples in a row, both.
 
     They are taken across edges too, so that cells next to an edge, where small things are often missed, get a
     sample in the centre.
@@ -247,12 +247,13 @@ def _bend(cells: _Cells) -> Any:
 
     def along(at: Any, size: Any, stride: Any, from_other: Any, other_stride: Any) -> Any:
         first = mi.UInt32(dr.clip(mi.Int32(at) - 1, 0, dr.maximum(mi.Int32(size) - 4, 0)))
-        enough = size >= 4
         bend = mi.Float(0)
         for side in range(2):
             start = cells.corner - at * stride + first * stride + side * other_stride
-            c = [dr.gather(mi.Vector4f, cells.colours, start + n * stride, enough) for n in range(4)]
-            bend = dr.maximum(bend, norm(c[0] - c[1] - c[2] + c[3]) * 0.5)
+            c = [dr.gather(mi.Vector4f, cells.colours, start + n * stride, first + n < size) for n in range(4)]
+            for n in range(2):
+                whole = first + n + 2 < size
+                bend = dr.maximum(bend, dr.select(whole, norm(c[n] - 2 * c[n + 1] + c[n + 2]), 0))
         return bend
 
     one = mi.UInt32(1)
@@ -488,6 +489,7 @@ def _crossings(look: Look, cells: _Cells, estimate: _Estimate, close: Any, limit
 
 
 MIXED = 0.3
+STEP = 0.1
 LEFT = np.array([0.4, 0.5, 1.2])
 LEAST_BUDGET = 0.05
 OCTAVES_BELOW, BINS = 8, 96
