@@ -118,9 +118,11 @@ def _refine(look: Look, cells: _Cells, target: float, budget: float, depth: int)
         return estimate.value
     tau = _water_level(_histogram(estimate, cells.inside, target), target, budget)
     wrong = (estimate.error > tau) & cells.inside
-    close = dr.compress(wrong & (estimate.kind != CLUTTER))
-    if dr.width(close):
-        _look_closer(look, cells, estimate, close, tau)
+    # Kind by kind: the lanes of one vector then take about as many steps.
+    close = [dr.compress(wrong & (estimate.kind == kind)) for kind in (SMOOTH, EDGE)]
+    close = [cells_of_kind for cells_of_kind in close if dr.width(cells_of_kind)]
+    if close:
+        _look_closer(look, cells, estimate, dr.concat(close), tau)
         wrong = (estimate.error > tau) & cells.inside
     split = dr.compress(wrong)
     if dr.width(split):
@@ -420,10 +422,11 @@ def _look_closer(look: Look, cells: _Cells, estimate: _Estimate, close: Any, tau
     value = dr.select(is_edge, edge_value, centre_value)
     error = area * dr.select(is_edge, off * OFF, norm(colour_a - mean) * SIMPSON)
     error = dr.select(is_edge, dr.maximum(error, 0.5 * dr.minimum(limit, weight)), error)
-    good = ~failed & (error <= limit)
+    error = dr.select(failed, dr.inf, error)
+    dr.eval(value, error)  # here, since every scatter may start a kernel of its own
+    good = error <= limit
     dr.scatter(estimate.value, value, close, good)
     dr.scatter(estimate.error, error, close, good)
-    dr.scatter(estimate.kind, mi.UInt32(CLUTTER), close, ~good)
     dr.eval(estimate)
 
 
