@@ -96,19 +96,34 @@ def norm(c: Any) -> Any:
     return dr.sqrt((c.x * c.x + c.y * c.y + c.z * c.z) * (1 / 3))
 
 
-def refined(look: Look, width: int, top: int, bottom: int, target: float) -> tuple[Any, Any, Any, Any]:
-    """Draw a band of the picture with a root mean square error of at most about `target`.
+class Band(NamedTuple):
+    """Rows of the picture, pixel by pixel in an order of their own."""
 
-    Returns
-    -------
-    Column and row of each pixel in the picture, in an order of their own; whether it is inside; and colour and alpha.
+    x: Any
+    y: Any
+    """Column and row in the crop window."""
+    inside: Any
+    """Whether the lane holds a pixel at all."""
+    colour: Any
+    """Vector4f: colour and alpha."""
+
+
+def refined(look: Look, width: int, top: int, bottom: int, target: float) -> Band:
+    """Draw rows of the picture with a root mean square error of at most about `target`.
+
+    Parameters
+    ----------
+    look
+        Follows camera rays.
+    width, top, bottom : int
+        Of the crop window; the first row, and the first that is not drawn.
+    target : float
+        Linear radiance, over all pixels and channels.
     """
     cells = _pixels(look, width, top, bottom)
-    i, j, inside = cells.i, cells.j, cells.inside
-    budget = width * (bottom - top) * target**2
-    value = _refine(look, cells, target, budget, DEPTH)
-    lane = dr.arange(mi.UInt32, dr.width(inside))
-    return i, j + opaque(mi.UInt32(top)), inside, dr.gather(mi.Vector4f, value, lane)
+    value = _refine(look, cells, target, width * (bottom - top) * target**2, DEPTH)
+    lane = dr.arange(mi.UInt32, dr.width(cells.inside))
+    return Band(cells.i, cells.j + opaque(mi.UInt32(top)), cells.inside, dr.gather(mi.Vector4f, value, lane))
 
 
 def _refine(look: Look, cells: _Cells, target: float, budget: float, depth: int) -> Any:
@@ -438,7 +453,7 @@ def _sides(cells: _Cells) -> list[Any]:
 
 def _crossings(look: Look, cells: _Cells, estimate: _Estimate, close: Any, limit: Any) -> Any:
     """Where edges cross the sides of these cells: by number of the side, in parts of it; -1 where it is unclear."""
-    crossings = dr.empty(mi.Float, 2 * cells.samples)
+    crossings = dr.zeros(mi.Float, 2 * cells.samples)
     lane = dr.arange(mi.UInt32, 4 * dr.width(close))
     cell, k = dr.gather(mi.UInt32, close, lane // 4), lane % 4
     here = cells.rows(cell)
