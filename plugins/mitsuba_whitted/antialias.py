@@ -246,7 +246,9 @@ def _from_corners(cells: _Cells) -> _Estimate:
     high = dr.maximum(dr.maximum(colours[0], colours[1]), dr.maximum(colours[2], colours[3]))
     area = cells.step * cells.step
     bent = _bend(cells) * (1 / 12)
-    error = area * dr.maximum(bent, norm(high - low) * dr.select(kind == SMOOTH, dr.select(cells.step < 1, STEP, 0), MIXED))
+    error = area * dr.maximum(
+        bent, norm(high - low) * dr.select(kind == SMOOTH, dr.select(cells.step < 1, STEP, 0), MIXED)
+    )
     count = dr.width(cells.x)
     value = dr.empty(mi.Float, 4 * count)
     dr.scatter(value, mean, dr.arange(mi.UInt32, count))

@@ -257,7 +257,7 @@ def define() -> type[mi.SamplingIntegrator]:
             return self._camera
 
         def _pixel_error(self) -> float:
-            """What is left of the target error once mirrors that are not followed have had their share."""
+            """Tell what is left of the target error once mirrors that are not followed have had their share."""
             return self.settings.target_error * (1 - MIRRORS_SHARE if self.settings.max_depth < 0 else 1)
 
         def _grid(self, sensor: mi.Sensor, spp: int) -> int:
