@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_whitted import antialias
+from mitsuba_whitted.cells import Look
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.scene_graph import number
 from mitsuba_whitted.tables import opaque
@@ -72,7 +73,7 @@ def expose(film: mi.Film, n: int, draw: Draw, progress: Progress | None = None) 
 
 
 def expose_to(
-    film: mi.Film, target: float, look: antialias.Look, progress: Progress | None = None
+    film: mi.Film, target: float, look: Look, progress: Progress | None = None
 ) -> mi.TensorXf:
     """Draw the crop window of `film` with a root mean square error of about `target` at most.
 

@@ -19,6 +19,9 @@ from mitsuba_whitted.transforms import matrix_of
 UNROLL = 16
 """Up to so many lights of a kind stand in the kernel one by one; beyond, it loops, to compile in bounded time."""
 
+GOLDEN = 0x9E3779B1
+"""2^32 in the golden section, made odd: its multiples are spread well (Knuth, *TAOCP* 3, section 6.4)."""
+
 
 class Sample(NamedTuple):
     """One light as seen from a point p."""
@@ -72,7 +75,7 @@ class Lights:
             return fetch(mi.Vector3f, self._rows, i * self._width + j)
 
         colour = fetch(mi.Spectrum, self._colours, i)
-        name = mi.UInt32(i + _KIND_NUMBERS[self.kind]) * mi.UInt32(0x9E3779B1)  # the golden ratio's share of 2^32 (Knuth, TAOCP 6.4)
+        name = mi.UInt32(i + _KIND_NUMBERS[self.kind]) * mi.UInt32(GOLDEN)
         if self.kind == "directional":
             return Sample(vector(0), colour, mi.Float(dr.inf), mi.Float(dr.inf), name)
 
