@@ -32,7 +32,7 @@ DEPTH = 5
 SPLIT_AT_ONCE = 1 << 17
 """Cells split in one launch. Each depth keeps so many at most, of some 400 bytes with all that hangs on them."""
 
-# What follows, and in `edges`, was fitted on scenes a, b and c of the benchmark with seeds 1 and 2, and then left alone.
+# What follows, and in `edges`, was fitted on scenes a, b and c of the benchmark with seeds 1 and 2, then left alone.
 
 OF_RANGE = 0.3
 """Error of the mean of the corners where they have several paths, in parts of the colours' range.
