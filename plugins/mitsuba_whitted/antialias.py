@@ -52,6 +52,12 @@ LEFT = np.array([0.4, 0.5, 1.2])
 LEAST_BUDGET = 0.05
 """Share of the error that the parts of split cells may make at least, should the rest have spent it all."""
 
+CLUTTERED = 1 / 6
+"""Share of pixels of several paths above which cells beside one that needs splitting are split too.
+
+Where so many edges are, things that no corner meets are many as well, and most of them lie there.
+"""
+
 OCTAVES_BELOW, STEPS, BINS = 8, 4, 96
 """Errors are counted from so many octaves below the target, in so many steps an octave."""
 
@@ -81,12 +87,12 @@ def refined(look: Look, width: int, top: int, bottom: int, target: float) -> Ban
         Linear radiance, over all pixels and channels of these rows.
     """
     pixels = cells.pixels(look, width, top, bottom)
-    value = _refine(look, pixels, target, width * (bottom - top) * target**2, DEPTH)
+    value = _refine(look, pixels, target, width * (bottom - top) * target**2, DEPTH, False)
     lane = dr.arange(mi.UInt32, dr.width(pixels.inside))
     return Band(pixels.i, pixels.j + opaque(mi.UInt32(top)), pixels.inside, dr.gather(mi.Vector4f, value, lane))
 
 
-def _refine(look: Look, some: Cells, target: float, budget: float, depth: int) -> Any:
+def _refine(look: Look, some: Cells, target: float, budget: float, depth: int, cluttered: bool) -> Any:
     """Estimate all cells, look closer at those that need it, and split those that need more.
 
     `budget` is the sum of the squares of all errors that may be left. Returns the cells' colours and alphas.
@@ -94,14 +100,19 @@ def _refine(look: Look, some: Cells, target: float, budget: float, depth: int) -
     estimate = _from_corners(some)
     if not depth:
         return estimate.value
-    limit = _water_level(_histogram(estimate, some.inside, target), target, budget)
+    histogram = _histogram(estimate, some.inside, target)
+    limit = _water_level(histogram, target, budget)
+    if depth == DEPTH:
+        cluttered = histogram[Kind.EDGE :].sum() > CLUTTERED * budget / target**2
     # Kind by kind: the lanes of one vector then take about as many steps.
     wrong = (estimate.error > limit) & some.inside
     by_kind: list[Any] = [dr.compress(wrong & (estimate.kind == kind.value)) for kind in (Kind.SMOOTH, Kind.EDGE)]
     by_kind = [numbers for numbers in by_kind if dr.width(numbers)]
     if by_kind:
+        dr.eval(wrong)
         look_closer(look, some, estimate, dr.concat(by_kind), opaque(mi.Float(limit)))
-        wrong = (estimate.error > limit) & some.inside
+        still = (estimate.error > limit) & some.inside
+        wrong = still | (wrong & _beside(some, still)) if cluttered else still
     split = dr.compress(wrong)
     count = dr.width(split)
     if count:
@@ -111,11 +122,22 @@ def _refine(look: Look, some: Cells, target: float, budget: float, depth: int) -
         size = min(SPLIT_AT_ONCE, count - begin)
         chosen = dr.gather(mi.UInt32, split, dr.arange(mi.UInt32, size) + opaque(mi.UInt32(begin)))
         dr.eval(chosen)
-        parts = _refine(look, cells.quarters(look, some, chosen), target, left * size / count, depth - 1)
+        parts = _refine(look, cells.quarters(look, some, chosen), target, left * size / count, depth - 1, cluttered)
         mean = sum(dr.gather(mi.Vector4f, parts, 4 * dr.arange(mi.UInt32, size) + k) for k in range(4)) * 0.25
         dr.scatter(estimate.value, mean, chosen)
         dr.eval(estimate.value)
     return estimate.value
+
+
+def _beside(some: Cells, chosen: Any) -> Any:
+    """Find the cells that share a corner with a chosen one."""
+    touched = dr.zeros(mi.Bool, some.samples)
+    for sample in some.corners():
+        dr.scatter(touched, mi.Bool(True), sample, chosen)
+    beside = mi.Bool(False)
+    for sample in some.corners():
+        beside |= dr.gather(mi.Bool, touched, sample)
+    return beside
 
 
 def _from_corners(some: Cells) -> Estimate:
