@@ -38,15 +38,17 @@ OF_RANGE = 0.3
 """Error of the mean of the corners where they have several paths, in parts of the colours' range.
 
 Two uniform colours that an edge through a random place parts: 0.29, the standard deviation of a uniform variable.
+Below the pixel it also holds for cells of one path: their pixel was split since something is there.
 """
 
-OF_RANGE_WITHIN = 0.1
-"""The same below the pixel where they have one path: it was split since something is there."""
 
 OF_BEND = 1 / 12
 """Error of the mean of the corners of a smooth function, in parts of its second differences (the trapezoidal rule)."""
 
-LEFT = np.array([0.4, 0.5, 1.2])
+OF_STEP = OF_RANGE / 2
+"""The same in parts of third differences: a step inside the cell makes one of twice its height."""
+
+LEFT = np.array([0.8, 0.5, 1.2])
 """Error that a cell of each kind is left with, in parts of the limit to which it is refined."""
 
 LEAST_BUDGET = 0.05
@@ -152,8 +154,8 @@ def _from_corners(some: Cells) -> Estimate:
 
     low = dr.minimum(dr.minimum(colours[0], colours[1]), dr.minimum(colours[2], colours[3]))
     high = dr.maximum(dr.maximum(colours[0], colours[1]), dr.maximum(colours[2], colours[3]))
-    of_range = dr.select(crossed != 0, mi.Float(OF_RANGE), dr.select(some.step < 1, mi.Float(OF_RANGE_WITHIN), 0))
-    error = some.step * some.step * dr.maximum(_bend(some) * OF_BEND, norm(high - low) * of_range)
+    of_range = dr.select((crossed != 0) | (some.step < 1), mi.Float(OF_RANGE), 0)
+    error = some.step * some.step * dr.maximum(_bend(some), norm(high - low) * of_range)
     count = dr.width(some.x)
     value = dr.empty(mi.Float, 4 * count)
     dr.scatter(value, (colours[0] + colours[1] + colours[2] + colours[3]) * 0.25, dr.arange(mi.UInt32, count))
@@ -163,7 +165,7 @@ def _from_corners(some: Cells) -> Estimate:
 
 
 def _bend(some: Cells) -> Any:
-    """Second differences of the colour along the sides: across and down, each the largest of those that touch it.
+    """Estimate the error by differences along the sides: across and down, each by the largest of those that touch it.
 
     They are taken over edges too: this is how the cells next to an edge come to a sample in the centre.
     """
@@ -174,9 +176,9 @@ def _bend(some: Cells) -> Any:
         for side in range(2):
             begin = some.corner - at * stride + first * stride + side * to_other_side
             c = [dr.gather(mi.Vector4f, some.colours, begin + n * stride, first + n < size) for n in range(4)]
-            for n in range(2):
-                difference = norm(c[n] - 2 * c[n + 1] + c[n + 2])
-                bend = dr.maximum(bend, dr.select(first + n + 2 < size, difference, 0))
+            bends = [dr.select(first + n + 2 < size, c[n] - 2 * c[n + 1] + c[n + 2], 0) for n in range(2)]
+            bend = dr.maximum(bend, OF_BEND * dr.maximum(norm(bends[0]), norm(bends[1])))
+            bend = dr.maximum(bend, OF_STEP * dr.select(first + 3 < size, norm(bends[1] - bends[0]), 0))
         return bend
 
     one = mi.UInt32(1)

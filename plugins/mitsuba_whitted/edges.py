@@ -38,7 +38,7 @@ ALIKE_ERROR = 1.0
 OF_CHANGE = 0.25
 """Error of a part's colour, in parts of the change from its corners' mean to the centroid."""
 
-SIMPSON = 0.15
+SIMPSON = 0.3
 """Error of Simpson's rule, in parts of the change that it makes."""
 
 FINEST = 2.0**-10
