@@ -120,10 +120,9 @@ def test_one_colour_takes_one_ray_a_corner_and_stays_exact(llvm_ad_rgb, scene_of
 
 @pytest.mark.parametrize("size", [(1, 1), (2, 1), (1, 3), (3, 2), (65, 4)])
 def test_pictures_of_any_size_are_drawn_whole(llvm_ad_rgb, scene_of, size):
-    scene = scene_of(BODY, size=size)
-    picture = draw(scene, 1e-3)
+    picture = draw(scene_of(BODY, '<float name="ambient" value="0.1"/>', size), 1e-3)
     assert picture.shape == (size[1], size[0], 3)
-    assert np.all(picture >= 0.05)  # the darkest thing here; what was not written is 0
+    assert np.all(picture > 0)  # as everything here; what was not written is 0
 
 
 def test_the_same_bytes_come_again_on_any_number_of_threads(llvm_ad_rgb, scene_of):
@@ -186,7 +185,7 @@ def test_another_variant_draws_the_luminance(llvm_ad_mono, scene_of):
     scene = scene_of(BODY, size=(48, 40))
     picture = draw(scene, 2e-3)
     assert picture.shape == (40, 48, 1)
-    assert rms(picture - grid(scene, 32)) <= 2e-3
+    assert rms(picture - grid(scene, 32)) <= 1.5 * 2e-3  # see above
 
 
 HALL = """
