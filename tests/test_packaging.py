@@ -68,12 +68,13 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_the_wheel_holds_every_scene_module_and_licence(wheel: Path) -> None:
+def test_the_wheel_holds_every_scene_module_page_and_licence(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     modules = {
         path.relative_to(ROOT / top).as_posix()
         for package, top in PACKAGES.items()
-        for path in (ROOT / top / package).rglob("*.py")
+        for path in (ROOT / top / package).rglob("*")
+        if path.suffix in (".py", ".js", ".css", ".html")
     }
     assert modules <= names
     assert {f"whitted_validation/{name}" for name in SCENE_FILES} <= names

@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from collections.abc import Container, Iterator
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from mitsuba_whitted.ray import Found, Ray
 from mitsuba_whitted.scene_graph import SceneGraph, registry_number
 from mitsuba_whitted.tables import fetch, index_column
-from mitsuba_whitted.transforms import Matrix, matrix_of
-
-
-class Met(NamedTuple):
-    """Which primitive a ray has met."""
-
-    shape: Any
-    """Row of the shape in the tables."""
-    instance: Any
-    """Number of the instance that placed it, counted from 1; 0 for none."""
-    face: Any
-    """Number of the triangle in its mesh."""
+from mitsuba_whitted.transforms import Matrix, matrix_of, moved
 
 
 class Accel:
@@ -37,15 +28,17 @@ class Accel:
     instances, but of spheres enlarged so far that the direction gets no longer.
     """
 
-    def __init__(self, graph: SceneGraph, shapes: list[mi.Shape]) -> None:
+    def __init__(
+        self, graph: SceneGraph, shapes: list[mi.Shape], left_out: Container[int], centre: NDArray[np.float64]
+    ) -> None:
         row_of = {shape: row for row, shape in enumerate(shapes)}
-        contents: list[Any] = list(graph.plain)
+        plain = [shape for shape in graph.plain if row_of[shape] not in left_out]
+        contents: list[Any] = [] if centre.any() else plain
         placed = [[row_of[shape], 0] for shape in contents]
         triangles: list[tuple[list[int], NDArray[Any], NDArray[Any]]] = []
         ellipsoids: list[tuple[list[int], Any, Any]] = []
-        for number, instance in enumerate(graph.instances, 1):
-            to_world = matrix_of(graph.value(instance, "to_world"), f"instance `{instance.id()}`")
-            for member in graph.members[graph.group_of[instance]]:
+        for number, to_world, members in _placements(graph, plain, centre):
+            for member in members:
                 who = [row_of[member], number]
                 if member.is_mesh():
                     triangles.append((who, *_world_triangles(graph, member, to_world)))
@@ -54,32 +47,42 @@ class Accel:
                 else:
                     contents.append(_moved(graph, member, to_world))
                     placed.append(who)
-        self.instanced = bool(graph.instances)
+        self._as_given = all(row == [place, 0] for place, row in enumerate(placed)) and not (triangles or ellipsoids)
         self._placed = index_column(placed or [[0, 0]])
         self._soup: Any = None
         if triangles:
             self._soup_geometry = len(contents)
             contents.append(_soup(triangles))
             self._soup = index_column(np.concatenate([_numbered(who, faces) for who, _, faces in triangles]))
+        self._round = bool(ellipsoids) or any(shape.class_name() == "Sphere" for shape in contents)
         self._scene = _scene([*(group for _, group, _ in ellipsoids), *contents, *(it for *_, it in ellipsoids)])
         self._ellipsoids = _ByObject([it for *_, it in ellipsoids], [who for who, *_ in ellipsoids])
 
-    def bbox(self) -> mi.BoundingBox3f:
-        """Bounding box of all shapes."""
-        return self._scene.bbox()
+    def first(self, ray: Ray, found: Found, active: Any, inside: bool) -> Found:
+        """Ask Embree which primitive the ray meets first, and go on with it if it is nearer than `found`.
 
-    def first_hit(self, ray: mi.Ray3f, active: Any) -> mi.PreliminaryIntersection3f:
-        """Ask Embree which primitive the ray meets first."""
-        return self._scene.ray_intersect_preliminary(ray, coherent=True, active=active)
+        Where a ray may begin makes no difference to it.
+        """
+        shifted, lead = ray._replace(end=found.t).from_shifted()
+        pi = self._scene.ray_intersect_preliminary(shifted, coherent=True, active=active)
+        nearer = active & pi.is_valid()
+        return found.or_nearer(nearer, pi.t + lead, *self._met(pi, nearer))
 
-    def any_hit(self, ray: mi.Ray3f, active: Any) -> Any:
-        """Ask Embree whether there is anything on the ray."""
-        return self._scene.ray_test(ray, coherent=True, active=active)
+    def blocked(self, ray: Ray, active: Any, inside: bool) -> Any:
+        """Ask Embree whether there is anything on the ray.
 
-    def met(self, pi: mi.PreliminaryIntersection3f, active: Any) -> Met:
-        """Say which shape of the scene, and which triangle of it, the answer of `first_hit` stands for."""
-        if not self.instanced:
-            return Met(dr.select(active, pi.shape_index, 0), mi.UInt32(0), pi.prim_index)
+        Mitsuba's ``ray_test`` solves the plain quadratic for spheres and misses up to 40 % of small far ones;
+        its ``ray_intersect_preliminary`` moves the origin close first.
+        """
+        shifted, _ = ray.from_shifted()
+        if self._round:
+            return self._scene.ray_intersect_preliminary(shifted, coherent=True, active=active).is_valid()
+        return self._scene.ray_test(shifted, coherent=True, active=active)
+
+    def _met(self, pi: mi.PreliminaryIntersection3f, active: Any) -> tuple[Any, Any, Any]:
+        """Row of the shape that the answer stands for, number of its instance, number of its triangle."""
+        if self._as_given:
+            return pi.shape_index, mi.UInt32(0), pi.prim_index
         in_soup = active & (pi.shape_index == self._soup_geometry) if self._soup is not None else mi.Bool(False)
         on_ellipsoid = active & (pi.instance != None) if self._ellipsoids else mi.Bool(False)  # noqa: E711  # a lane each
         plain = active & (in_soup ^ True) & (on_ellipsoid ^ True)
@@ -91,7 +94,21 @@ class Accel:
             face = dr.select(in_soup, triangle.z, face)
         if self._ellipsoids:
             who = dr.select(on_ellipsoid, self._ellipsoids(pi.instance, on_ellipsoid), who)
-        return Met(who.x, who.y, face)
+        return who.x, who.y, face
+
+
+def _placements(
+    graph: SceneGraph, plain: list[Any], centre: NDArray[np.float64]
+) -> Iterator[tuple[int, Matrix, list[Any]]]:
+    """List what is not traversed as it is: number of the placement, its transform, and the shapes.
+
+    Instances count from 1. Where the scene is moved to its centre, its own shapes are a placement like them.
+    """
+    if centre.any():
+        yield 0, moved(np.eye(4), -centre), plain
+    for number, instance in enumerate(graph.instances, 1):
+        to_world = matrix_of(graph.value(instance, "to_world"), f"instance `{instance.id()}`")
+        yield number, moved(to_world, -centre), graph.members[graph.group_of[instance]]
 
 
 def _scene(contents: list[Any]) -> mi.Scene:
@@ -196,4 +213,3 @@ class _ByObject:
         if not dr.is_jit_v(mi.Float):
             return mi.Vector2u(*self._rows.get(shape, (0, 0)))
         return fetch(mi.Vector2u, self._rows, dr.reinterpret_array(mi.UInt32, shape), active)
-

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from mitsuba_whitted.errors import SceneError
+from mitsuba_whitted.precise import UNIT_ROUNDOFF
+from mitsuba_whitted.ray import NOTHING, Ray
 from mitsuba_whitted.scene_graph import Node, Stamp, number, read, recorder
+from mitsuba_whitted.shapes import Row
 from mitsuba_whitted.tables import opaque
 from mitsuba_whitted.transforms import matrix_of
 
@@ -17,14 +21,11 @@ SCALE_TOLERANCE = 1e-3
 """How far from 1 the scale of a camera's to_world may be: Mitsuba measures its clip planes in camera units."""
 
 
-class Rays(NamedTuple):
-    """Rays to be followed; the traversal begins at ``o + shift`` and ends `end` further along `d`."""
+_LEAST = 2.0**-126
+"""The least float32 that is never rounded to 0."""
 
-    o: Any
-    d: Any
-    """Unit length."""
-    shift: Any
-    end: Any
+_CLOSED = 4 * UNIT_ROUNDOFF
+"""Clip planes belong to what is seen, but rays are open at both ends; their distances carry four roundings."""
 
 
 class Camera:
@@ -34,14 +35,22 @@ class Camera:
     own rays are used only for sensors that are neither `perspective` nor `orthographic`; they lose digits
     (their origin is the rounded point on the near plane).
 
+    Parameters
+    ----------
+    sensor : Sensor
+        Of a scene.
+    centre : (3,) array
+        Where rays have their origin of coordinates: `Surfaces.centre`.
+
     Raises
     ------
     SceneError
         If to_world is singular or not finite, or that of a perspective camera scales by anything but 1.
     """
 
-    def __init__(self, sensor: mi.Sensor) -> None:
+    def __init__(self, sensor: mi.Sensor, centre: NDArray[np.float64]) -> None:
         self._sensor = sensor
+        self._centre = centre
         self._film = sensor.film()
         self._values = Node()
         sensor.traverse(recorder(self._values))
@@ -52,11 +61,20 @@ class Camera:
         if self.known:
             self._constants = self._affine_map()
 
-    def follows(self, sensor: mi.Sensor) -> bool:
+    def follows(self, sensor: mi.Sensor, centre: NDArray[np.float64]) -> bool:
         """Whether this camera still is what `sensor` says."""
-        return sensor is self._sensor and self._stamp.is_current() and self._window == self._film_window()
+        same = sensor is self._sensor and bool((centre == self._centre).all())
+        return same and self._stamp.is_current() and self._window == self._film_window()
 
-    def rays(self, x: Any, y: Any) -> Rays:
+    def is_outside(self, balls: list[Row]) -> bool:
+        """Whether every ray begins to see outside of all these balls, as far as the camera is known."""
+        if not self.known or not balls:
+            return self.known
+        off = np.array([ball.a for ball in balls]) - self._eye
+        distances = np.linalg.norm(off, axis=1) if self.kind == "PerspectiveCamera" else off @ self._forward
+        return bool((distances - [ball.r for ball in balls] > self._blind).all())
+
+    def rays(self, x: Any, y: Any) -> Ray:
         """Make the rays through `x`, `y`: Float, pixels from the upper left corner of the crop window."""
         if not self.known:
             return self._rays_of_mitsuba(x, y)
@@ -65,11 +83,10 @@ class Camera:
         dx, dy = x - x0_y0_near.x, y - x0_y0_near.y
         on_plane = mi.Vector3f(dr.fma(dx, per_x, dr.fma(dy, per_y, centre)))
         if self.kind == "OrthographicCamera":
-            return Rays(mi.Point3f(eye + on_plane), forward, mi.Vector3f(0), far)
+            return camera_ray(mi.Point3f(eye + on_plane), forward, 0, far)
         length = dr.norm(on_plane)  # of the direction whose component along the camera's z is 1
         d = on_plane / length
-        near = x0_y0_near.z * length
-        return Rays(mi.Point3f(eye), d, near * d, (far - x0_y0_near.z) * length)
+        return camera_ray(mi.Point3f(eye), d, x0_y0_near.z * length, far * length)
 
     def _affine_map(self) -> tuple[Any, ...]:
         """Constants of the direction, or of the origin, as an affine function of the position on the film."""
@@ -80,7 +97,7 @@ class Camera:
             raise SceneError(f"{name}: to_world scales by {scales.tolist()}; allowed is a scale of 1")
         width, height, crop_x, crop_y = self._window
         near, far = self._read("near_clip"), self._read("far_clip")
-        eye = matrix[:3, 3]
+        eye = matrix[:3, 3] - self._centre
         if self.kind == "PerspectiveCamera":
             half = np.tan(np.deg2rad(number(self._read("x_fov"))) / 2)  # T of the model
             principal = [number(self._read(f"principal_point_offset_{axis}")) for axis in "xy"]
@@ -94,6 +111,9 @@ class Camera:
         middle_x = width * (0.5 - principal[0]) - crop_x
         middle_y = height * (0.5 - principal[1]) - crop_y
         forward = matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
+        corners = [centre + (x - middle_x) * per_x + (y - middle_y) * per_y for x in (0, width) for y in (0, height)]
+        longest = max(np.linalg.norm(corners, axis=1)) if self.kind == "PerspectiveCamera" else 1.0
+        self._eye, self._forward, self._blind = eye, forward, near * longest
         vectors = (centre, per_x, per_y, eye, forward, (middle_x, middle_y, near))
         return *(_opaque(mi.Vector3f, vector) for vector in vectors), _opaque(mi.Float, [far])
 
@@ -101,18 +121,29 @@ class Camera:
         """Size of the film, and where its crop window begins."""
         return [int(number) for number in (*self._film.size(), *self._film.crop_offset())]
 
-    def _rays_of_mitsuba(self, x: Any, y: Any) -> Rays:
+    def _rays_of_mitsuba(self, x: Any, y: Any) -> Ray:
         size = self._film.crop_size()
         position = mi.Point2f(x / size[0], y / size[1])
         try:
             ray, _ = self._sensor.sample_ray(mi.Float(0), mi.Float(0.5), position, mi.Point2f(0.5))
         except RuntimeError as error:  # an irradiance meter, say, has no rays of its own
             raise SceneError(f"sensor `{self._sensor.id()}`: {self.kind} is not handled: {error}") from None
-        d = dr.normalize(ray.d)
-        return Rays(ray.o, d, mi.Vector3f(0), ray.maxt)
+        return any_ray(ray, mi.Vector3f(*self._centre.tolist()))
 
     def _read(self, name: str) -> Any:
         return read(*self._values.values[name], self._sensor)
+
+
+def camera_ray(o: Any, d: Any, near: Any, far: Any) -> Ray:
+    """Make the ray that sees from `near` to `far`, both included."""
+    begin = near * (1 - _CLOSED) - _LEAST
+    return Ray(o, d, mi.Float(begin), mi.Float(far * (1 + _CLOSED)), mi.Vector3f(begin * d), mi.UInt32(NOTHING))
+
+
+def any_ray(ray: mi.Ray3f, origin: Any) -> Ray:
+    """Make ours of a ray of Mitsuba's, relative to `origin`; its direction may have any length."""
+    length = dr.norm(ray.d)
+    return camera_ray(mi.Point3f(ray.o - origin), mi.Vector3f(ray.d * dr.rcp(length)), 0, ray.maxt * length)
 
 
 def _opaque(kind: Any, values: Any) -> Any:

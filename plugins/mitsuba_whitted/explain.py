@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import drjit as dr
@@ -10,14 +11,14 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_whitted import film, precise
-from mitsuba_whitted.camera import Rays
 from mitsuba_whitted.plan import Plan
+from mitsuba_whitted.ray import Found, Ray
 from mitsuba_whitted.seen import LightSeen, Numbers, PixelSeen, RaySeen, SampleSeen
 from mitsuba_whitted.stage import Stage
 from mitsuba_whitted.trace import trace
 
 
-def explain(stage: Stage, plan: Plan, camera: Callable[[Any, Any], Rays], x: int, y: int, n: int = 1) -> PixelSeen:
+def explain(stage: Stage, plan: Plan, camera: Callable[[Any, Any], Ray], x: int, y: int, n: int = 1) -> PixelSeen:
     """Trace the n x n samples of pixel (x, y) of the crop window, and keep every value on the way.
 
     Loops run in Python, so that their values can be read; the arithmetic is that of the picture, bit for bit.
@@ -28,17 +29,27 @@ def explain(stage: Stage, plan: Plan, camera: Callable[[Any, Any], Rays], x: int
     return PixelSeen(samples, _numbers(film.means(planes, n)))
 
 
-def _sample(stage: Stage, plan: Plan, rays: Rays) -> SampleSeen:
+def _sample(stage: Stage, plan: Plan, ray: Ray) -> SampleSeen:
     heard: list[tuple[str, dict[str, Any]]] = []
 
     def note(what: str, **values: Any) -> None:
-        heard.append((what, values))
+        # Colours are added to later, in place.
+        kept = {name: mi.Spectrum(x) if isinstance(x, mi.Spectrum) else x for name, x in values.items()}
+        heard.append((what, kept))
 
-    with dr.suspend_grad(), dr.scoped_set_flag(dr.JitFlag.SymbolicLoops, False):  # type: ignore[no-untyped-call]
-        traced = trace(stage, plan, rays, mi.Bool(True), note)
+    with dr.suspend_grad(), _read_as_it_runs():  # type: ignore[no-untyped-call]
+        traced = trace(stage, plan, ray, mi.Bool(True), note)
         names = [name for lights in stage.lights for name in lights.ids]
         dr.eval(traced, [values for _, values in heard])
         return SampleSeen(_Reader(stage, names).read(heard), _numbers(traced.colour))
+
+
+@contextmanager
+def _read_as_it_runs() -> Iterator[None]:
+    """Let loops and branches run in Python, instead of being recorded."""
+    loops, branches = dr.JitFlag.SymbolicLoops, dr.JitFlag.SymbolicConditionals
+    with dr.scoped_set_flag(loops, False), dr.scoped_set_flag(branches, False):
+        yield
 
 
 class _Reader:
@@ -66,16 +77,18 @@ class _Reader:
         return self._rays
 
     def _ray(self, k: Any, o: Any, d: Any, throughput: Any) -> None:
-        self._rays.append(RaySeen(int(_number(k)), _numbers(o), _numbers(d), _numbers(throughput)))
+        self._rays.append(RaySeen(int(_number(k)), self._place(o), _numbers(d), _numbers(throughput)))
         self._o, self._d = o, d
 
-    def _surface(self, pi: Any, found: Any, p: Any, n: Any, n_g: Any, in_front: Any, behind: Any, emitted: Any) -> None:
+    def _surface(
+        self, met: Found, found: Any, p: Any, n: Any, n_g: Any, in_front: Any, behind: Any, emitted: Any
+    ) -> None:
         ray = self._rays[-1]
         ray.emitted = _numbers(emitted)
         if _number(found):
-            ray.shape = self._name(pi)
+            ray.shape = self._name(met)
             ray.t = _number(dr.dot(p - self._o, self._d))
-            ray.p, ray.n, ray.n_g = _numbers(p), _numbers(n), _numbers(n_g)
+            ray.p, ray.n, ray.n_g = self._place(p), _numbers(n), _numbers(n_g)
             ray.facing = bool(_number(in_front | behind))
         self._n, self._n_g = n, n_g
 
@@ -125,11 +138,14 @@ class _Reader:
         ray = self._rays[-1]
         ray.k_m, ray.r, ray.goes_on = _numbers(k_m), _numbers(r), bool(_number(goes_on))
 
-    def _name(self, pi: Any) -> str | None:
-        """Name the shape that Embree's answer stands for, as the reference does."""
-        if not _number(pi.is_valid()):
+    def _place(self, p: Any) -> Numbers:
+        """Coordinates in the world of a point that is relative to the scene's middle."""
+        return tuple(np.array(p, float).ravel() + self._stage.surfaces.centre)
+
+    def _name(self, met: Found) -> str | None:
+        """Name the shape that was met, as the reference does."""
+        if not _number(met.valid):
             return None
-        met = self._stage.surfaces.accel.met(pi, mi.Bool(True))
         return self._stage.name_of(int(_number(met.shape)), int(_number(met.instance)))
 
 

@@ -147,10 +147,22 @@ def _tiles(width: int, top: int, bottom: int) -> tuple[Any, Any, Any, Any]:
     lane = dr.arange(mi.UInt32, across * down * TILE * TILE)
     size = opaque(mi.Vector4u(width, bottom - top, across, top))
     tile, inner = lane // (TILE * TILE), lane % (TILE * TILE)
-    x = tile % size.z * TILE + inner % TILE
-    y = tile // size.z * TILE + inner // TILE
+    tile_y, tile_x = _divided(tile, size.z)
+    x = tile_x * TILE + inner % TILE
+    y = tile_y * TILE + inner // TILE
     inside = (x < size.x) & (y < size.y)
     return (y + size.w) * size.x + x, mi.Float(x), mi.Float(y + size.w), inside
+
+
+def _divided(a: Any, b: Any) -> tuple[Any, Any]:
+    """Quotient and remainder of integers below 2^24, which no processor divides sixteen at a time.
+
+    The quotient of the floats, whose rounding is at most one off once it is cut to an integer, is put right.
+    """
+    quotient = mi.UInt32(mi.Float(a) * dr.rcp(mi.Float(b)))
+    quotient = dr.select(quotient * b > a, quotient - 1, quotient)
+    quotient = dr.select(a - quotient * b >= b, quotient + 1, quotient)
+    return quotient, a - quotient * b
 
 
 def _samples(width: int, top: int, bottom: int, n: int, draw: Draw) -> Any:
@@ -240,36 +252,32 @@ def _weight(rfilter: mi.ReconstructionFilter, x: float) -> float:
 
 
 class _Canvas:
-    """The picture under work: as the user gets it, and as the film stores it (red, green, blue, alpha?, weight)."""
+    """The picture under work."""
 
     def __init__(self, film: mi.Film) -> None:
         self._film = film
         self._width, self._height = (int(size) for size in film.crop_size())
         self._alpha = bool(film.flags() & +mi.FilmFlags.Alpha)
         self._colours = dr.size_v(mi.Spectrum)
-        self._widths = (self._colours + self._alpha, 4 + self._alpha)
-        self._buffers: tuple[Any, ...] = tuple(
-            dr.zeros(mi.Float, self._width * self._height * channels)
+        self._channels = self._colours + self._alpha
+        count = self._width * self._height
+        self._buffer: Any = (
+            dr.empty(mi.Float, count * self._channels)
             if dr.is_jit_v(mi.Float)
-            else np.zeros((self._width * self._height, channels), np.float32)
-            for channels in self._widths
+            else np.empty((count, self._channels), np.float32)
         )
 
     def put(self, pixel: Any, planes: list[Any], active: Any) -> None:
         """Store the channels of the pixels with these numbers."""
-        channels = self._channels(planes)
-        for buffer, parts in zip(self._buffers, channels, strict=True):
-            for i, part in enumerate(parts):
-                dr.scatter(buffer, mi.Float(part), pixel * len(parts) + i, active, mode=dr.ReduceMode.Permute)
+        for i, plane in enumerate(planes[: self._channels]):
+            to = pixel * self._channels + i
+            dr.scatter(self._buffer, mi.Float(plane), to, active, mode=dr.ReduceMode.Permute)
 
     def put_rows(self, top: int, planes: Any) -> None:
         """Store whole rows from `top` on, given as (channels, pixel)."""
         first, count = top * self._width, math.prod(planes.shape) // (self._colours + 1)
         if not dr.is_jit_v(mi.Float):
-            channels = self._channels(list(np.reshape(planes, (-1, count))))
-            for buffer, parts in zip(self._buffers, channels, strict=True):
-                for i, part in enumerate(parts):
-                    buffer[first : first + count, i] = part
+            self._buffer[first : first + count] = np.reshape(planes, (-1, count))[: self._channels].T
             return
         flat = mi.Float(np.ravel(planes)) if isinstance(planes, np.ndarray) else planes
         lane = dr.arange(mi.UInt32, count)
@@ -278,26 +286,36 @@ class _Canvas:
 
     def start(self) -> None:
         """Start the kernels of what has been put so far."""
-        dr.eval(self._buffers)
+        dr.eval(self._buffer)
 
     def finish(self) -> mi.TensorXf:
         """Hand the picture to the film, and return it."""
-        picture, stored = (
-            mi.TensorXf(buffer, (self._height, self._width, channels))
-            if dr.is_jit_v(mi.Float)
-            else mi.TensorXf(buffer.reshape(self._height, self._width, channels))
-            for buffer, channels in zip(self._buffers, self._widths, strict=True)
-        )
+        size = self._height, self._width
+        flat = self._buffer if dr.is_jit_v(mi.Float) else self._buffer.reshape(*size, -1)
+        picture = mi.TensorXf(flat, (*size, self._channels)) if dr.is_jit_v(mi.Float) else mi.TensorXf(flat)
         block = mi.ImageBlock(self._film.crop_size(), self._film.crop_offset(), 4 + self._alpha, border=False)
         contents = block.tensor()
-        contents += stored  # onto zeros, which Dr.Jit drops: nothing is evaluated or copied
+        contents += self._stored()  # onto zeros, which Dr.Jit drops: nothing is evaluated or copied
         self._film.prepare([])
         self._film.put_block(block)
-        as_drawn = picture.shape[2] == self._film.base_channels_count() and "pixel_format = xyz" not in str(self._film)
+        as_drawn = self._channels == self._film.base_channels_count() and "pixel_format = xyz" not in str(self._film)
         return picture if as_drawn else self._film.develop()  # XYZ, and the luminance of colours, are the film's
 
-    def _channels(self, colour_and_alpha: list[Any]) -> tuple[list[Any], list[Any]]:
-        *colour, alpha = colour_and_alpha
-        more = [alpha] if self._alpha else []
-        rgb = colour * 3 if len(colour) == 1 else colour
-        return [*colour, *more], [*rgb, *more, 1.0]
+    def _stored(self) -> mi.TensorXf:
+        """Arrange the picture as the film keeps it: red, green, blue, alpha if any, weight 1.
+
+        Dr.Jit works it out when somebody asks the film, and never if nobody does.
+        """
+        width = 4 + self._alpha
+        source = [i if self._colours == 3 else 0 for i in range(3)] + [self._colours] * self._alpha
+        if not dr.is_jit_v(mi.Float):
+            weights = np.ones((len(self._buffer), 1), np.float32)
+            return mi.TensorXf(np.hstack([self._buffer[:, source], weights]).reshape(self._height, self._width, width))
+        place = dr.arange(mi.UInt32, self._width * self._height * width)
+        pixel, channel = place // width, place % width
+        which = mi.UInt32(0)
+        for i, ours in enumerate(source):
+            which = dr.select(channel == i, ours, which)
+        value = dr.gather(mi.Float, self._buffer, pixel * self._channels + which)
+        stored = dr.select(channel == width - 1, 1, value)
+        return mi.TensorXf(stored, (self._height, self._width, width))

@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from mitsuba_whitted.scene_graph import SceneGraph
 from mitsuba_whitted.tables import column, fetch
-from mitsuba_whitted.transforms import matrix_of
+from mitsuba_whitted.transforms import matrix_of, moved
 
 
 class Placement(NamedTuple):
@@ -44,9 +45,9 @@ class Placement(NamedTuple):
 class Instances:
     """Transforms of the instances of a scene, by their number counted from 1; 0 is no instance."""
 
-    def __init__(self, graph: SceneGraph) -> None:
+    def __init__(self, graph: SceneGraph, centre: NDArray[np.float64]) -> None:
         placed = [matrix_of(graph.value(each, "to_world"), f"instance `{each.id()}`") for each in graph.instances]
-        matrices = [np.eye(4), *placed]
+        matrices = [np.eye(4), *(moved(matrix, -centre) for matrix in placed)]
         self._to_world = column(matrix[:3].ravel() for matrix in matrices)
         self._to_local = column(np.linalg.inv(matrix)[:3].ravel() for matrix in matrices)
 

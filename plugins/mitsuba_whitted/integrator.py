@@ -10,7 +10,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_whitted import film
-from mitsuba_whitted.camera import Camera, Rays
+from mitsuba_whitted.camera import Camera, any_ray
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.explain import explain
 from mitsuba_whitted.materials import constant
@@ -155,8 +155,7 @@ def define() -> type[mi.SamplingIntegrator]:
                 If the scene cannot be drawn as it is defined.
             """
             sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
-            stage, plan = self._prepare(scene)
-            camera = self._look_through(sensor)
+            stage, camera, plan = self._prepare(scene, sensor)
 
             def draw(x: Any, y: Any, active: Any) -> tuple[Any, Any]:
                 traced = trace(stage, plan, camera.rays(x, y), active)
@@ -183,15 +182,15 @@ def define() -> type[mi.SamplingIntegrator]:
             Scalar variants come here once a sample: there, only `render` looks for edits. They must do it from
             a single thread, since Mitsuba takes a second call of the same object for a call of its base class.
             """
-            stage, plan = self._prepare(scene, edits=bool(dr.is_jit_v(mi.Float)))
-            length = dr.norm(ray.d)
-            d = ray.d * dr.rcp(length)
-            traced = trace(stage, plan, Rays(ray.o, d, mi.Vector3f(0), ray.maxt * length), active)
+            stage = self._set(scene, edits=bool(dr.is_jit_v(mi.Float)))
+            traced = trace(stage, plan_of(stage), any_ray(ray, stage.surfaces.origin), active)
             return traced.colour, traced.hit, []
 
-        def plan(self, scene: mi.Scene) -> Plan:
-            """Say what the kernel for `scene` holds."""
-            return self._prepare(scene)[1]
+        def plan(self, scene: mi.Scene, sensor: mi.Sensor | int = 0) -> Plan:
+            """Say what the kernel for `scene` holds, seen by this sensor."""
+            if not scene.sensors():
+                return plan_of(self._set(scene))
+            return self._prepare(scene, scene.sensors()[sensor] if isinstance(sensor, int) else sensor)[2]
 
         def explain(self, scene: mi.Scene, x: int, y: int, sensor: mi.Sensor | int = 0, spp: int = 0) -> PixelSeen:
             """Say how pixel (x, y) of the picture came about: every ray, cosine and colour; `spp` as in `render`."""
@@ -199,8 +198,8 @@ def define() -> type[mi.SamplingIntegrator]:
             width, height = (int(size) for size in sensor.film().crop_size())
             if not (0 <= x < width and 0 <= y < height):
                 raise SceneError(f"pixel ({x}, {y}) is not in the picture of {width} x {height} pixels")
-            stage, plan = self._prepare(scene)
-            return explain(stage, plan, self._look_through(sensor).rays, x, y, self._grid(sensor, spp))
+            stage, camera, plan = self._prepare(scene, sensor)
+            return explain(stage, plan, camera.rays, x, y, self._grid(sensor, spp))
 
         def count_rays(self, scene: mi.Scene, sensor: mi.Sensor | int = 0, spp: int = 0) -> dict[str, int]:
             """Count the rays of a picture by tracing it once more: `camera`, `mirror` and `shadow` rays.
@@ -208,8 +207,7 @@ def define() -> type[mi.SamplingIntegrator]:
             With a target error also `cut` ones: mirrors that were not followed since they would add too little.
             """
             sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
-            stage, plan = self._prepare(scene)
-            camera = self._look_through(sensor)
+            stage, camera, plan = self._prepare(scene, sensor)
             if self.settings.target_error:
                 tally = dr.zeros(mi.UInt64, 4)
 
@@ -241,7 +239,13 @@ def define() -> type[mi.SamplingIntegrator]:
             lines = (f"  {name} = {value}" for name, value in dataclasses.asdict(self.settings).items())
             return "Whitted[\n" + ",\n".join(lines) + "\n]"
 
-        def _prepare(self, scene: mi.Scene, edits: bool = True) -> tuple[Stage, Plan]:
+        def _prepare(self, scene: mi.Scene, sensor: mi.Sensor) -> tuple[Stage, Camera, Plan]:
+            stage = self._set(scene)
+            if self._camera is None or not self._camera.follows(sensor, stage.surfaces.centre):
+                self._camera = Camera(sensor, stage.surfaces.centre)
+            return stage, self._camera, plan_of(stage, self._camera)
+
+        def _set(self, scene: mi.Scene, edits: bool = True) -> Stage:
             if self._stage is not None and self._stage.follows(scene):
                 if edits:
                     self._stage.refresh(self.settings)
@@ -249,12 +253,7 @@ def define() -> type[mi.SamplingIntegrator]:
                 self._stage = Stage(scene, self.settings)
             for name in self._stage.lights_nothing:
                 self._tell_once(f"{name} is drawn where it is seen, but lights no surface")
-            return self._stage, plan_of(self._stage)
-
-        def _look_through(self, sensor: mi.Sensor) -> Camera:
-            if self._camera is None or not self._camera.follows(sensor):
-                self._camera = Camera(sensor)
-            return self._camera
+            return self._stage
 
         def _pixel_error(self) -> float:
             """Tell what is left of the target error once mirrors that are not followed have had their share."""

@@ -6,6 +6,7 @@ say has to be there first; whoever comes later can only check.
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import importlib.metadata
 import os
@@ -14,6 +15,7 @@ import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 VARIABLE = "DRJIT_LIBLLVM_PATH"
 WHEEL = "karellen-llvm-core"
@@ -85,7 +87,26 @@ def choose() -> Choice:
             del os.environ[VARIABLE]
     import drjit
 
-    return Choice(drjit.detail.llvm_version(), _in_memory() or path, reason)
+    return Choice(_version(drjit), _in_memory() or path, reason)
+
+
+def _version(drjit: ModuleType) -> tuple[int, int, int]:
+    """Ask Dr.Jit which libLLVM it has loaded, once its thread that loads it is done.
+
+    ``drjit.detail.llvm_version`` waits for that thread while it holds Python's interpreter lock, which the thread
+    needs to complain of a library that is too old: now and then both wait for ever. A call through ctypes gives
+    the lock away.
+    """
+    try:
+        core = ctypes.CDLL(str(Path(str(drjit.__file__)).with_name("libdrjit-core.so")))
+        ask = core["_Z16jit_llvm_versionPiS_S_"]  # a C++ function of three int *
+    except (OSError, AttributeError):  # no Linux, or another Dr.Jit
+        version: tuple[int, int, int] = drjit.detail.llvm_version()
+        return version
+    numbers = [ctypes.c_int(), ctypes.c_int(), ctypes.c_int()]
+    ask(*(ctypes.byref(number) for number in numbers))
+    major, minor, patch = (number.value for number in numbers)
+    return major, minor, patch
 
 
 def _in_wheel() -> str | None:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from mitsuba_whitted import precise
 from mitsuba_whitted.errors import SceneError
@@ -32,6 +33,8 @@ class Sample(NamedTuple):
     """Light arriving at p."""
     distance: Any
     """From p to the light; infinite for a directional light."""
+    reaches: Any
+    """Whether any of its light comes here: p is in the cone, and not at the light itself."""
     end: Any
     """As far as a shadow ray may look without taking a surface at the light for one before it."""
     name: Any
@@ -45,7 +48,9 @@ class Lights:
         self.kind = kind
         self.ids = ids
         self.count = len(rows)
-        self._rows = column(rows)
+        self.where = [np.array(row[:3]) for row in rows]
+        """Position of each, or the unit vector towards it if it is directional."""
+        self._rows = column(np.reshape(rows, (-1, 3)))
         self._width = len(rows[0]) // 3
         self._colours = column(radiant)
         self._opaque_count = opaque(mi.UInt32(self.count))
@@ -77,30 +82,33 @@ class Lights:
         colour = fetch(mi.Spectrum, self._colours, i)
         name = mi.UInt32(i + _KIND_NUMBERS[self.kind]) * mi.UInt32(GOLDEN)
         if self.kind == "directional":
-            return Sample(vector(0), colour, mi.Float(dr.inf), mi.Float(dr.inf), name)
+            return Sample(vector(0), colour, mi.Float(dr.inf), mi.Bool(True), mi.Float(dr.inf), name)
 
         position = vector(0)
         to_light = position - mi.Vector3f(p)
         distance = dr.norm(to_light)
         away = distance > 0
         l = dr.select(away, to_light * dr.rcp(distance), 0)  # noqa: E741
+        reaches = away
         if self.kind == "spot":
             x, y, z = (-dr.dot(vector(j), l) for j in (1, 2, 3))
             theta = dr.atan2(dr.sqrt(x * x + y * y), z)
             cutoff, beam, slope = vector(4)
-            colour *= dr.select(theta <= beam, 1, dr.maximum(cutoff - theta, 0) * slope)
+            f = dr.select(theta <= beam, 1, dr.maximum(cutoff - theta, 0) * slope)
+            colour *= f
+            reaches &= f > 0
         if inverse_square:
             colour = dr.select(away, colour * dr.rcp(distance * distance), 0)
         # The light's own coordinates are exact; those of a surface at it are right to a few u of them.
         end = distance * precise.SHADOW_END - 4 * precise.UNIT_ROUNDOFF * dr.sum(dr.abs(position))
-        return Sample(l, colour, distance, end, name)
+        return Sample(l, colour, distance, reaches, end, name)
 
 
 _KIND_NUMBERS = {"directional": 1, "point": 1 << 10, "spot": 1 << 20}
 
 
-def lights_of(graph: SceneGraph) -> list[Lights]:
-    """Sort the delta lights of a scene by kind, each kind in the order of the scene."""
+def lights_of(graph: SceneGraph, centre: NDArray[np.float64]) -> list[Lights]:
+    """Sort the delta lights of a scene by kind, each kind in the order of the scene; places relative to `centre`."""
     ids: dict[str, list[str]] = {}
     rows: dict[str, list[list[float]]] = {}
     radiant: dict[str, list[list[float]]] = {}
@@ -111,6 +119,8 @@ def lights_of(graph: SceneGraph) -> list[Lights]:
             row, colour = read(graph, emitter)
             if not np.all(np.isfinite(row)):
                 raise SceneError(f"emitter `{emitter.id()}`: its position or angles {row} are not finite")
+            if name != "directional":
+                row[:3] = list(np.array(row[:3]) - centre)
             ids.setdefault(name, []).append(emitter.id())
             rows.setdefault(name, []).append(row)
             radiant.setdefault(name, []).append(colour)

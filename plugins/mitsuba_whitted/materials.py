@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import drjit as dr
 import mitsuba as mi
@@ -17,7 +17,7 @@ from mitsuba_whitted.tables import column, fetch, index_column
 TEXTURES = ("BitmapTexture", "Checkerboard")
 """Beginnings of the class names of textures that depend on (u, v) alone; constant ones are allowed besides."""
 
-Scaled = tuple[mi.Texture, float]
+Scaled: TypeAlias = "tuple[mi.Texture, float]"
 """A texture, and the number that its values are multiplied by."""
 
 
@@ -190,7 +190,9 @@ class Materials:
         self.k_d = coefficient(mi.Spectrum, "k_d", "diffuse reflectance", 1)
         self.k_s = coefficient(mi.Spectrum, "k_s", "specular reflectance", 1)
         self.k_m = coefficient(mi.Spectrum, "k_m", "mirror reflectance", 1)
-        self.k_a = coefficient(mi.Spectrum, "k_a", "ambient reflectance", 1)
+        # Mostly k_a is not given and so is k_d, the same object: one table then, and one load.
+        same = all(material.k_a == material.k_d for material in materials)
+        self.k_a = self.k_d if same else coefficient(mi.Spectrum, "k_a", "ambient reflectance", 1)
         self.exponent = coefficient(mi.Float, "exponent", "exponent", MAX_EXPONENT)
 
     def row_of(self, shape: Any, from_behind: Any, active: Any) -> Any:

@@ -32,8 +32,11 @@ class Meshes:
     ratio of the triangle. Vertices of face f of shape s are at ``faces[3 (first_face[s] + f) ...]``.
     """
 
-    def __init__(self, graph: SceneGraph, shapes: list[mi.Shape]) -> None:
-        parts = [_Part(graph, shape) if _triangles(shape) else None for shape in shapes]
+    def __init__(self, graph: SceneGraph, shapes: list[mi.Shape], origins: list[NDArray[np.float64]]) -> None:
+        parts = [
+            _Part(graph, shape, origin) if _triangles(shape) else None
+            for shape, origin in zip(shapes, origins, strict=True)
+        ]
         meshes = [part for part in parts if part]
         self.smooth = any(len(part.normals) for part in meshes)
         if not meshes:
@@ -98,8 +101,8 @@ def _triangles(shape: mi.Shape) -> bool:
 class _Part:
     """One mesh on its way into the shared buffers."""
 
-    def __init__(self, graph: SceneGraph, mesh: Any) -> None:
-        self.positions = _buffer(graph, mesh, "vertex_positions", np.float32, 3)
+    def __init__(self, graph: SceneGraph, mesh: Any, origin: NDArray[np.float64]) -> None:
+        self.positions: NDArray[Any] = _buffer(graph, mesh, "vertex_positions", np.float32, 3)
         self.normals = _buffer(graph, mesh, "vertex_normals", np.float32, 3)
         self.texcoords = _buffer(graph, mesh, "vertex_texcoords", np.float32, 2)
         self.faces = _buffer(graph, mesh, "faces", np.uint32, 3)
@@ -113,8 +116,11 @@ class _Part:
                     "they must be finite"
                 )
         self.face_normals = self._face_normals()
+        if origin.any():  # else a large mesh would be copied for nothing
+            self.positions = self.positions - origin
         if type(mesh).__name__ == "Polygon":
             self._flatten()
+        self.positions = self.positions.astype(np.float32)
         self.flags = (
             _SMOOTH * bool(len(self.normals))
             + _TEXCOORDS * bool(len(self.texcoords))
@@ -140,7 +146,7 @@ class _Part:
         a, n = self.positions[0].astype(np.float64), self.normals[self.faces[0, 0]].astype(np.float64)
         n /= np.linalg.norm(n)
         off = (self.positions - a) @ n
-        self.positions = (self.positions - off[:, None] * n).astype(np.float32)
+        self.positions = self.positions - off[:, None] * n
         self.face_normals = np.broadcast_to(n, self.face_normals.shape)
         self.normals = self.normals[:0]
 

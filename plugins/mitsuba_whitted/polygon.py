@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+import threading
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -14,6 +15,10 @@ from numpy.typing import NDArray
 from mitsuba_whitted.errors import SceneError
 
 Array = NDArray[Any]
+
+
+_IMPORT = threading.Lock()
+"""Mitsuba makes the shapes of a file on several threads, and shapely gets entangled when two import it at once."""
 
 
 def define() -> type[mi.Mesh]:
@@ -270,7 +275,8 @@ def _triangulate(rings: list[Array]) -> tuple[Array, Array]:
     triangles : (t, 3) int
         Counter-clockwise. One of three equal vertices -1 if there is no inside at all.
     """
-    import shapely  # type: ignore[import-untyped]  # it has no stubs; here, since few scenes need it
+    with _IMPORT:
+        import shapely  # type: ignore[import-untyped]  # it has no stubs; here, since few scenes need it
 
     starts = np.concatenate(rings)
     ends = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])

@@ -45,7 +45,11 @@ class SceneGraph:
         }
         """The shapes of each group, in the order in which Mitsuba numbers them."""
         self.instances = [shape for shape in self.shapes if shape.class_name() == "Instance"]
-        self.plain = [shape for shape in self.shapes if shape.class_name() != "Instance"]
+        # Flat shapes last: where those are left to the kernel, Embree's numbers of the others stay ours.
+        self.plain = sorted(
+            (shape for shape in self.shapes if shape.class_name() != "Instance"),
+            key=lambda shape: shape.class_name() in ("Rectangle", "Disk"),
+        )
         self.all_shapes = self.plain + [member for group in self.groups for member in self.members[group]]
         """Every shape that a ray can meet."""
         self.group_of = self._groups_of_instances()

@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_whitted.brightness import most_radiance
+from mitsuba_whitted.casters import casters
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.lights import colour_of, lights_nothing, lights_of
 from mitsuba_whitted.materials import Coefficient, Materials, Scaled
@@ -61,6 +62,7 @@ class Stage:
         self._take(settings)
         self._build_surfaces()
         self._build_appearance()
+        self._find_casters()
         self._limit_throughput()
 
     def follows(self, scene: mi.Scene) -> bool:
@@ -69,18 +71,15 @@ class Stage:
 
     def refresh(self, settings: Settings) -> None:
         """Take over every edit since the last picture."""
-        edited = [
-            settings != self.settings,
-            not self._geometry_stamp.is_current(),
-            not self._appearance_stamp.is_current(),
-        ]
-        if edited[0]:
+        before = self.settings, self.surfaces, self.materials
+        if settings != self.settings:
             self._take(settings)
-        if edited[1]:
+        if not self._geometry_stamp.is_current():
             self._build_surfaces()
-        if edited[2]:
+        if not self._appearance_stamp.is_current() or (self.surfaces.centre != before[1].centre).any():
             self._build_appearance()
-        if any(edited):
+        if before != (self.settings, self.surfaces, self.materials):
+            self._find_casters()
             self._limit_throughput()
 
     def background(self, d: Any, active: Any) -> Any:
@@ -118,12 +117,22 @@ class Stage:
         graph = self._graph
         self._appearance_stamp = graph.appearance_stamp()
         self.materials = Materials(graph)
-        self.lights = lights_of(graph)
+        self.lights = lights_of(graph, self.surfaces.centre)
         self.environment: Any = graph.environment
         _check_background(graph)
         radiance = [_radiance(graph, shape) for shape in graph.all_shapes]
         self.emission = Coefficient(graph, mi.Spectrum, radiance, "radiance", LARGEST)
         self.lights_nothing = lights_nothing(graph)
+
+    def _find_casters(self) -> None:
+        surfaces, few = self.surfaces, self.surfaces.few
+        if self.settings.epsilon is not None:  # then a surface may well throw a shadow on itself
+            few.casters = set(few.numbers)
+            return
+        places = [place for lights in self.lights if lights.kind != "directional" for place in lights.where]
+        directions = [way for lights in self.lights if lights.kind == "directional" for way in lights.where]
+        two_sided = self.materials.two_sided
+        few.casters = casters(self._graph, surfaces.rows, few.numbers, surfaces.centre, places, directions, two_sided)
 
 
 def _check_background(graph: SceneGraph) -> None:

@@ -24,15 +24,20 @@ def index_column(rows: Iterable[Any]) -> Any:
     return stored(mi.UInt32, np.array(list(rows), np.uint32))
 
 
-def stored(kind: Any, values: Any) -> Any:
-    """Store an array of any shape, flat, where a kernel finds it; plain Python numbers in scalar variants."""
+def stored(kind: Any, rows: Any) -> Any:
+    """Store rows, (n, width), flat, where a kernel finds them; plain Python numbers in scalar variants.
+
+    A row of three takes the place of four: the processor then loads it at once, and not number by number.
+    """
+    values = np.ascontiguousarray(rows, np.uint32 if kind is mi.UInt32 else np.float32)
+    if values.shape[-1] == 3:
+        values = np.pad(values, ((0, 0), (0, 1)))
     if not dr.is_jit_v(mi.Float):
         return values.ravel().tolist()
-    flat = np.ascontiguousarray(values, np.uint32 if kind is mi.UInt32 else np.float32).ravel()
     # A copy in Dr.Jit's own memory. Numpy's would be shared, and may be aligned less: a gather of pairs is then
     # compiled otherwise, so that the kernel would depend on where numpy happened to allocate.
-    table = dr.empty(kind, len(flat))
-    dr.scatter(table, kind(flat), dr.arange(mi.UInt32, len(flat)), mode=dr.ReduceMode.Permute)
+    table = dr.empty(kind, values.size)
+    dr.scatter(table, kind(values.ravel()), dr.arange(mi.UInt32, values.size), mode=dr.ReduceMode.Permute)
     dr.eval(table)
     return table
 
@@ -48,11 +53,15 @@ def fetch(kind: Any, table: Any, row: Any, active: Any = True) -> Any:
 
     A literal `row` stays data: Dr.Jit makes it a parameter of the kernel, which another value does not recompile.
     """
+    width = max(1, dr.size_v(kind)) if dr.depth_v(kind) else 1
     if dr.is_jit_v(mi.Float):
+        if width == 3:
+            four: Any = mi.Vector4u if dr.is_unsigned_v(kind) else mi.Vector4f
+            return kind(dr.gather(four, table, mi.UInt32(row), active).xyz)
         return dr.gather(kind, table, mi.UInt32(row), active)
     if not active:
         return dr.zeros(kind)
-    if dr.depth_v(kind) == 0:
+    if width == 1:
         return table[row]
-    width = dr.size_v(kind)
-    return kind(*table[width * row : width * (row + 1)])
+    stride = 4 if width == 3 else width
+    return kind(*table[stride * row : stride * row + width])

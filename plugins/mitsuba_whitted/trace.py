@@ -9,10 +9,10 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_whitted import precise
-from mitsuba_whitted.camera import Rays
 from mitsuba_whitted.lights import Sample
 from mitsuba_whitted.materials import Coefficient
 from mitsuba_whitted.plan import Plan
+from mitsuba_whitted.ray import NOTHING, Ray
 from mitsuba_whitted.stage import Stage
 from mitsuba_whitted.surfaces import Hit
 
@@ -32,14 +32,16 @@ class Traced(NamedTuple):
     """Whether a mirror was not followed since it passes too little: see `Stage.least_throughput`."""
 
 
-class _Ray(NamedTuple):
+class _Chain(NamedTuple):
     """State of the loop: ray number k of a chain of mirrors, and what has been gathered so far."""
 
     k: Any
     o: Any
     d: Any
-    shift: Any
+    begin: Any
     end: Any
+    shift: Any
+    own: Any
     throughput: Any
     """Product of k_m over the mirrors before."""
     colour: Any
@@ -50,6 +52,11 @@ class _Ray(NamedTuple):
     cut_rays: Any
     active: Any
 
+    @property
+    def ray(self) -> Ray:
+        """The ray that is followed now."""
+        return Ray(*self[1 : 1 + len(Ray._fields)])
+
 
 Note = Callable[..., None]
 """Called with the name of what has happened to a ray, and the values of that: see `explain`."""
@@ -59,7 +66,7 @@ def _unheard(_what: str, **_values: Any) -> None:
     """Take no notes; Dr.Jit drops what nobody reads, so that the kernel stays as it is."""
 
 
-def trace(stage: Stage, plan: Plan, rays: Rays, active: Any = True, note: Note = _unheard) -> Traced:
+def trace(stage: Stage, plan: Plan, ray: Ray, active: Any = True, note: Note = _unheard) -> Traced:
     """Follow camera rays and all that they cause (Shirley et al. 2009, section 4.8; Whitted 1980).
 
     Parameters
@@ -68,20 +75,17 @@ def trace(stage: Stage, plan: Plan, rays: Rays, active: Any = True, note: Note =
         The scene as tables, and the integrator's parameters as numbers.
     plan : Plan
         What the kernel must hold; all else is left out of it.
-    rays : Rays
+    ray : Ray
         Camera rays, one a lane.
     active : Bool
         Lanes that count.
     note
         Told what happens in between. It may keep values only while loops are evaluated, not recorded.
     """
-    rays = stage.surfaces.approached(rays) if plan.shapes else rays
-    state = _Ray(
+    ray = stage.surfaces.approached(ray) if plan.shapes else ray
+    state = _Chain(
         k=mi.UInt32(0),
-        o=rays.o,
-        d=rays.d,
-        shift=rays.shift,
-        end=mi.Float(rays.end),
+        **ray._asdict(),
         throughput=mi.Spectrum(1),
         colour=mi.Spectrum(0),
         hit=mi.Bool(False),
@@ -94,36 +98,36 @@ def trace(stage: Stage, plan: Plan, rays: Rays, active: Any = True, note: Note =
     if plan.mirrors:
         final: tuple[Any, ...] = dr.while_loop(
             tuple(state),
-            lambda *ray: ray[-1],
-            lambda *ray: tuple(_bounce(stage, plan, _Ray(*ray), note)),
+            lambda *chain: chain[-1],
+            lambda *chain: tuple(_bounce(stage, plan, _Chain(*chain), note)),
             label="mirror bounces",
         )
-        state = _Ray(*final)
+        state = _Chain(*final)
     else:
         state = _bounce(stage, plan, state, note)
     return Traced(state.colour, state.hit, state.shadow_rays, state.mirror_rays, state.path, state.cut_rays)
 
 
-def _bounce(stage: Stage, plan: Plan, ray: _Ray, note: Note) -> _Ray:
+def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
     """Do what ``raycolor`` does for one ray, and return the mirrored ray in place of the recursive call."""
-    note("ray", k=ray.k, o=ray.o, d=ray.d, throughput=ray.throughput)
-    depth = ray.k + 1
-    sees_lamps = ray.active & (depth <= stage.max_depth)
+    ray = chain.ray
+    note("ray", k=chain.k, o=ray.o, d=ray.d, throughput=chain.throughput)
+    depth = chain.k + 1
+    sees_lamps = chain.active & (depth <= stage.max_depth)
     colour = mi.Spectrum(0)
     if not plan.shapes:
         if plan.background:
             colour = dr.select(sees_lamps, stage.background(ray.d, sees_lamps), 0)
         note("sum", colour=colour)
-        return ray._replace(colour=colour)
+        return chain._replace(colour=colour)
 
-    traversal = mi.Ray3f(ray.o + ray.shift, ray.d, ray.end, 0, [])
-    pi = stage.surfaces.first_hit(traversal, ray.active)
-    found = ray.active & pi.is_valid()
+    met = stage.surfaces.first_hit(ray, chain.active, plan.inside)
+    found = chain.active & met.valid
     if plan.background:
         missed = sees_lamps & (found ^ True)
         colour = dr.select(missed, stage.background(ray.d, missed), colour)
 
-    hit = stage.surfaces.hit(pi, traversal, ray.o, plan.textured)
+    hit = stage.surfaces.hit(met, ray, plan.textured)
     v = -ray.d
     in_front = found & (dr.dot(hit.n, v) > 0) & (dr.dot(hit.n_g, v) > 0)
     behind = mi.Bool(False)
@@ -136,7 +140,7 @@ def _bounce(stage: Stage, plan: Plan, ray: _Ray, note: Note) -> _Ray:
         shines = sees_lamps & in_front
         colour = dr.select(shines, stage.emission.at(hit.shape, si, shines), colour)
 
-    note("surface", pi=pi, found=found, p=hit.p, n=n, n_g=n_g, in_front=in_front, behind=behind, emitted=colour)
+    note("surface", met=met, found=found, p=hit.p, n=n, n_g=n_g, in_front=in_front, behind=behind, emitted=colour)
 
     lit = (in_front | behind) & (depth < stage.max_depth)
     material = stage.materials.row_of(hit.shape, behind, lit)
@@ -149,7 +153,7 @@ def _bounce(stage: Stage, plan: Plan, ray: _Ray, note: Note) -> _Ray:
         note("ambient", colour=ambient)
         colour += ambient
 
-    path = _joined(ray.path, dr.select(found, 2 * hit.shape + dr.select(behind, mi.UInt32(2), mi.UInt32(1)), 0))
+    path = _joined(chain.path, dr.select(found, 2 * hit.shape + dr.select(behind, mi.UInt32(2), mi.UInt32(1)), 0))
     shadow_rays, seen = mi.UInt32(0), mi.UInt32(0)
     if plan.lights:
         k_d = coefficient(stage.materials.k_d) if plan.diffuse else mi.Spectrum(0)
@@ -162,17 +166,22 @@ def _bounce(stage: Stage, plan: Plan, ray: _Ray, note: Note) -> _Ray:
         def contribution(light: Sample) -> tuple[Any, Any, Any]:
             """k_d I (n.l) + k_s I (n.h)^p if the light is above the horizon and not in shadow; rays asked; its name."""
             n_l = dr.dot(n, light.l)
-            facing = reflects & (n_l > 0) & (dr.dot(n_g, light.l) > 0)
-            f = k_d * n_l
-            if plan.specular:
-                h = dr.normalize(v + light.l)
-                f += k_s * precise.specular_power(n, h, exponent)
-            visible = facing
-            if plan.shadows:
-                shadow_ray = _shadow_ray(stage, plan, hit, n_g, light)
-                visible = facing & (stage.surfaces.blocked(shadow_ray, facing) ^ True)
-                note("shadow ray", ray=shadow_ray)
-            added = dr.select(visible, f * light.colour, 0)
+            facing = reflects & light.reaches & (n_l > 0) & (dr.dot(n_g, light.l) > 0)
+
+            def shine() -> tuple[Any, Any]:
+                f = k_d * n_l
+                if plan.specular:
+                    h = dr.normalize(v + light.l)
+                    f += k_s * precise.specular_power(n, h, exponent)
+                visible = facing
+                if plan.shadows:
+                    shadow_ray = _shadow_ray(stage, plan, hit, n_g, light)
+                    visible = facing & (stage.surfaces.blocked(shadow_ray, facing, plan.inside) ^ True)
+                return dr.select(visible, f * light.colour, 0), visible
+
+            # A branch: a vector of rays does nothing of this where the light is below the horizon of all of them.
+            added, visible = dr.if_stmt((), facing, shine, _dark, label="light")
+            note("shadow ray", ray=_shadow_ray(stage, plan, hit, n_g, light))
             note("light", light=light, facing=facing, visible=visible, colour=added)
             asked = dr.select(facing, mi.UInt32(1), mi.UInt32(0)) if plan.shadows else mi.UInt32(0)
             return added, asked, dr.select(visible, light.name, 0)
@@ -185,34 +194,28 @@ def _bounce(stage: Stage, plan: Plan, ray: _Ray, note: Note) -> _Ray:
     path = _joined(path, seen)
     note("sum", lit=lit, colour=colour)
     if not plan.mirrors:
-        return ray._replace(colour=colour, hit=found, shadow_rays=shadow_rays, path=path)
+        return chain._replace(colour=colour, hit=found, shadow_rays=shadow_rays, path=path)
 
     k_m = coefficient(stage.materials.k_m)
-    throughput = ray.throughput * k_m
+    throughput = chain.throughput * k_m
     r = mi.Vector3f(dr.normalize(dr.fma(-2 * dr.dot(ray.d, n), n, ray.d)))
-    goes_on = lit & dr.any(k_m != 0) & (dr.dot(n_g, r) > 0)
+    goes_on = lit & dr.any(throughput != 0) & (dr.dot(n_g, r) > 0)
     # Only with max_depth = -1 the two limits can end a chain: see Stage.
     passes = (depth <= stage.last_ray) & dr.any(throughput >= stage.least_throughput)
     cut = goes_on & (passes ^ True)
     goes_on &= passes
-    if plan.epsilon:
-        shift = stage.epsilon * r
-    else:
-        shift, _ = precise.ray_offset(n_g, r, hit.reach, stage.surfaces.least_reach)
+    mirrored = _leaving(stage, plan, hit, n_g, r, mi.Float(dr.inf))
     note("mirror", k_m=k_m, r=r, goes_on=goes_on)
-    return _Ray(
+    return _Chain(
         k=depth,
-        o=hit.p,
-        d=r,
-        shift=mi.Vector3f(shift),
-        end=mi.Float(dr.inf),
+        **mirrored._asdict(),
         throughput=throughput,
-        colour=dr.select(ray.active, dr.fma(ray.throughput, colour, ray.colour), ray.colour),
-        hit=ray.hit | (found & (ray.k == 0)),
-        shadow_rays=ray.shadow_rays + shadow_rays,
-        mirror_rays=ray.mirror_rays + dr.select(goes_on, mi.UInt32(1), mi.UInt32(0)),
-        path=dr.select(ray.active, path, ray.path),
-        cut_rays=ray.cut_rays + dr.select(cut, mi.UInt32(1), mi.UInt32(0)),
+        colour=dr.select(chain.active, dr.fma(chain.throughput, colour, chain.colour), chain.colour),
+        hit=chain.hit | (found & (chain.k == 0)),
+        shadow_rays=chain.shadow_rays + shadow_rays,
+        mirror_rays=chain.mirror_rays + dr.select(goes_on, mi.UInt32(1), mi.UInt32(0)),
+        path=dr.select(chain.active, path, chain.path),
+        cut_rays=chain.cut_rays + dr.select(cut, mi.UInt32(1), mi.UInt32(0)),
         active=goes_on,
     )
 
@@ -222,14 +225,24 @@ def _joined(path: Any, more: Any) -> Any:
     return (path ^ more) * 16777619
 
 
-def _shadow_ray(stage: Stage, plan: Plan, hit: Hit, n_g: Any, light: Sample) -> mi.Ray3f:
+def _dark() -> tuple[Any, Any]:
+    """Add nothing for a light that is below the horizon."""
+    return mi.Spectrum(0), mi.Bool(False)
+
+
+def _shadow_ray(stage: Stage, plan: Plan, hit: Hit, n_g: Any, light: Sample) -> Ray:
     """Make the open segment from the hit point to the light."""
+    return _leaving(stage, plan, hit, n_g, light.l, light.distance if plan.epsilon else light.end)
+
+
+def _leaving(stage: Stage, plan: Plan, hit: Hit, n_g: Any, d: Any, end: Any) -> Ray:
+    """Make the ray from the hit point along `d`, which cannot meet that surface again where it begins."""
     if plan.epsilon:
-        shift, end = stage.epsilon * light.l, light.distance - stage.epsilon
-    else:
-        shift, length = precise.ray_offset(n_g, light.l, hit.reach, stage.surfaces.least_reach)
-        end = light.end - length
-    return mi.Ray3f(hit.p + shift, mi.Vector3f(light.l), mi.Float(end), 0, [])
+        return Ray(hit.p, d, mi.Float(stage.epsilon), end, mi.Vector3f(stage.epsilon * d), mi.UInt32(NOTHING))
+    if not plan.searched:
+        return Ray(hit.p, d, mi.Float(0), end, mi.Vector3f(0), hit.shape)
+    shift, length = precise.ray_offset(n_g, d, hit.reach, stage.surfaces.least_reach)
+    return Ray(hit.p, d, mi.Float(0), end - length, mi.Vector3f(shift), hit.shape)
 
 
 def _surface_interaction(hit: Hit) -> mi.SurfaceInteraction3f:

@@ -33,3 +33,10 @@ def matrix_of(to_world: Any, owner: str, cause: str = "to_world") -> Matrix:
     if np.linalg.det(matrix[:3, :3]) == 0:
         raise SceneError(f"{owner}: {cause} is singular; it must be invertible, and no radius 0")
     return matrix
+
+
+def moved(matrix: Matrix, by: NDArray[np.float64]) -> Matrix:
+    """Put a translation behind a transform."""
+    result: Matrix = matrix.copy()
+    result[:3, 3] += by
+    return result

@@ -61,8 +61,7 @@ def centres(scene, size):
     """Trace the centres of all pixels of a square picture: what `trace` returns."""
     from mitsuba_whitted.trace import trace  # its names need a variant
 
-    stage, plan = scene.integrator()._prepare(scene)
-    camera = scene.integrator()._look_through(scene.sensors()[0])
+    stage, camera, plan = scene.integrator()._prepare(scene, scene.sensors()[0])
     x, y = (dr.ravel(part) + 0.5 for part in dr.meshgrid(*[dr.arange(mi.Float, size)] * 2))
     return trace(stage, plan, camera.rays(x, y))
 
@@ -222,7 +221,7 @@ def test_a_light_inside_the_box_of_a_body_ends_no_mirror(llvm_ad_rgb, scene_of):
     lamp = '<emitter type="point"><point name="position" value="0, 0, 4"/><float name="intensity" value="1"/></emitter>'
     scene = scene_of(HALL + lamp, '<integer name="max_depth" value="-1"/>', (8, 8))
     aim(scene, 1e-2)
-    stage, _ = scene.integrator()._prepare(scene)
+    stage, *_ = scene.integrator()._prepare(scene, scene.sensors()[0])
     assert np.array(stage.least_throughput)[0] == np.float32(2.0**-24)
 
 

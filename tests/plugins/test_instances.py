@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from mitsuba_whitted.camera import camera_ray
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.scene_graph import SceneGraph
 from mitsuba_whitted.surfaces import Surfaces
@@ -61,14 +62,14 @@ def test_an_ellipsoid_is_a_stretched_sphere(llvm_ad_rgb: str) -> None:
     surfaces = Surfaces(SceneGraph(scene))
     grid = np.meshgrid(np.linspace(-1, 1, 301), np.linspace(-0.5, 0.5, 301))
     x, y = (axis.ravel().astype(np.float32) for axis in grid)
-    ray = mi.Ray3f(mi.Point3f(mi.Float(x), mi.Float(y), mi.Float(3)), mi.Vector3f(0, 0, -1))
-    pi = surfaces.first_hit(ray, mi.Bool(True))
-    hit = surfaces.hit(pi, ray, ray.o, with_uv=False)
-    dr.eval(pi, tuple(hit))
+    ray = camera_ray(mi.Point3f(mi.Float(x), mi.Float(y), mi.Float(3)), mi.Vector3f(0, 0, -1), 0, dr.inf)
+    found = surfaces.first_hit(ray, mi.Bool(True))
+    hit = surfaces.hit(found, ray, with_uv=False)
+    dr.eval(tuple(found), tuple(hit))
     inside = (x.astype(float) / a) ** 2 + (y.astype(float) / b) ** 2
     sure = np.abs(inside - 1) > 1e-5  # the grid has no point nearer to the outline than float32 tells
-    assert np.array_equal(np.array(pi.is_valid())[sure], (inside < 1)[sure])
-    met = np.array(pi.is_valid()) & (inside < 0.9)
+    assert np.array_equal(np.array(found.valid)[sure], (inside < 1)[sure])
+    met = np.array(found.valid) & (inside < 0.9)
     z = c * np.sqrt(1 - inside[met])
     # 16 roundings in the group, of coordinates up to 1 / (1 - 0.9)^(1/2), and back.
     assert np.abs(np.array(hit.p)[2][met] - z).max() <= 2 * 16 * 2.0**-24 * 1 / 0.1**0.5
@@ -87,10 +88,10 @@ def test_no_ray_slips_through_an_edge_of_an_instanced_mesh(llvm_ad_rgb: str) -> 
     origin = matrix[:3, :3] @ np.array([0.3, -0.4, 6.0])
     d = target - origin[:, None]
     d /= np.linalg.norm(d, axis=0)
-    ray = mi.Ray3f(mi.Point3f(*map(float, origin)), mi.Vector3f(d.astype(np.float32)))
-    pi = surfaces.first_hit(ray, mi.Bool(True))
-    dr.eval(pi)
-    assert np.array(pi.is_valid()).all()
+    ray = camera_ray(mi.Point3f(*map(float, origin)), mi.Vector3f(d.astype(np.float32)), 0, dr.inf)
+    found = surfaces.first_hit(ray, mi.Bool(True))
+    dr.eval(tuple(found))
+    assert np.array(found.valid).all()
 
 
 def test_two_groups_are_told_apart(any_rgb: str) -> None:

@@ -29,6 +29,7 @@ def _scene(bsdf: dict[str, Any] | None = None, integrator: dict[str, Any] | None
 
 
 POINT = {"type": "point", "position": [1, 1, 3], "intensity": 5.0}
+BALL = {"type": "sphere", "center": [0.2, 0, 0.8], "radius": 0.3}
 GREY = {"type": "blinnphong", "diffuse_reflectance": 0.5}
 
 
@@ -38,13 +39,21 @@ GREY = {"type": "blinnphong", "diffuse_reflectance": 0.5}
         ("lights", {}, {"lamp": POINT}),
         ("diffuse", {"bsdf": {"type": "blinnphong", "diffuse_reflectance": 0.0}, "lamp": POINT}, {"lamp": POINT}),
         ("specular", {"lamp": POINT}, {"bsdf": {**GREY, "specular_reflectance": 0.1}, "lamp": POINT}),
-        ("mirrors", {}, {"bsdf": {**GREY, "mirror_reflectance": 0.1}}),
+        ("mirrors", {"lamp": POINT}, {"bsdf": {**GREY, "mirror_reflectance": 0.1}, "lamp": POINT}),
+        ("mirrors", {"bsdf": {**GREY, "mirror_reflectance": 0.1}}, {"bsdf": {**GREY, "mirror_reflectance": 0.1}, "sky": {"type": "constant"}}),
         ("ambient", {}, {"integrator": {"ambient": 0.1}}),
         ("two_sided", {}, {"bsdf": {"type": "twosided", "nested": GREY}}),
         ("textured", {}, {"bsdf": {"type": "blinnphong", "diffuse_reflectance": {"type": "checkerboard"}}}),
         ("background", {}, {"sky": {"type": "constant"}}),
         ("emission", {}, {"glow": {"type": "sphere", "emitter": {"type": "area", "radiance": 1.0}}}),
-        ("shadows", {"integrator": {"enable_shadows": False}, "lamp": POINT}, {"lamp": POINT}),
+        (
+            "shadows",
+            {"integrator": {"enable_shadows": False}, "lamp": POINT, "ball": BALL},
+            {"lamp": POINT, "ball": BALL},
+        ),
+        ("shadows", {"lamp": POINT}, {"lamp": POINT, "ball": BALL}),
+        ("searched", {"ball": BALL}, {"box": {"type": "cube"}}),
+        ("few", {"floor": {"type": "cube"}}, {"ball": BALL}),
         ("inverse_square", {"integrator": {"falloff": "none"}, "lamp": POINT}, {"lamp": POINT}),
         ("smooth_normals", {}, {"box": {"type": "cube"}}),
         ("epsilon", {}, {"integrator": {"epsilon": 1e-3}}),
@@ -80,7 +89,8 @@ def _operations(scene: mi.Scene) -> int:
         ({"lamp": POINT}, {"lamp": POINT, "bsdf": {**GREY, "specular_reflectance": 0.1}}),
         ({"lamp": POINT}, {"lamp": POINT, "bsdf": {**GREY, "mirror_reflectance": 0.1}}),
         ({"lamp": POINT}, {"lamp": POINT, "bsdf": {"type": "twosided", "nested": GREY}}),
-        ({"lamp": POINT, "integrator": {"enable_shadows": False}}, {"lamp": POINT}),
+        ({"lamp": POINT, "ball": BALL, "integrator": {"enable_shadows": False}}, {"lamp": POINT, "ball": BALL}),
+        ({"lamp": POINT}, {"lamp": POINT, "ball": BALL}),
         ({"lamp": POINT}, {"lamp": POINT, "second": POINT}),
     ],
 )
@@ -97,7 +107,7 @@ def test_a_picture_is_one_kernel(llvm_ad_rgb: str) -> None:
 
 
 def test_the_plan_explains_itself(llvm_ad_rgb: str) -> None:
-    scene = _scene(lamp=POINT)
+    scene = _scene(lamp=POINT, ball=BALL)
     words = str(scene.integrator().plan(scene))
     present, absent = words.split("left out:")
     assert "light from 1 point" in present
@@ -108,7 +118,9 @@ def test_the_plan_explains_itself(llvm_ad_rgb: str) -> None:
 
 def test_rays_are_counted_by_kind(llvm_ad_rgb: str) -> None:
     # The floor fills the middle of 16 x 16 pixels; every hit asks the lamp once, and as a mirror sends one ray on.
-    scene = _scene(lamp=POINT, bsdf={**GREY, "mirror_reflectance": 0.1})
+    # The ball, out of sight, is what could throw a shadow.
+    ball = {**BALL, "center": [0, 99, 9]}
+    scene = _scene(lamp=POINT, bsdf={**GREY, "mirror_reflectance": 0.1}, ball=ball)
     hits = np.array(scene.ray_intersect(_pixel_rays(scene)).is_valid()).sum()
     assert 0 < hits < 256
     counts = scene.integrator().count_rays(scene)

@@ -9,6 +9,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from mitsuba_whitted.camera import camera_ray
+from mitsuba_whitted.ray import Found
 from mitsuba_whitted.scene_graph import SceneGraph
 from mitsuba_whitted.surfaces import Hit, Surfaces
 
@@ -22,12 +24,13 @@ SHAPES: dict[str, dict[str, Any]] = {
 }
 
 
-def _hits(scene: mi.Scene, ray: mi.Ray3f) -> tuple[mi.PreliminaryIntersection3f, Hit]:
+def _hits(scene: mi.Scene, ray: mi.Ray3f) -> tuple[Found, Hit]:
     surfaces = Surfaces(SceneGraph(scene))
-    pi = surfaces.first_hit(ray, mi.Bool(True))
-    hit = surfaces.hit(pi, ray, ray.o, with_uv=True)
-    dr.eval(pi, tuple(hit))  # while the shapes live that Embree asks
-    return pi, hit
+    our_ray = camera_ray(ray.o, ray.d, 0, dr.inf)
+    found = surfaces.first_hit(our_ray, mi.Bool(True))
+    hit = surfaces.hit(found, our_ray, with_uv=True)
+    dr.eval(tuple(found), tuple(hit))  # while the shapes live that Embree asks
+    return found, hit
 
 
 def _rays(count: int, distance: float, seed: int) -> mi.Ray3f:
@@ -70,9 +73,9 @@ def test_a_hit_is_where_mitsuba_has_it(llvm_ad_rgb: str, name: str, flip: bool, 
         contents = {"shape": {**shape, "to_world": to_world}, "other": {"type": "sphere", "to_world": _far_away()}}
     scene = mi.load_dict({"type": "scene", **contents})
     ray = _rays(4000, 4.0, seed=7)
-    pi, hit = _hits(scene, ray)
+    found, hit = _hits(scene, ray)
     si = scene.ray_intersect(ray)
-    assert np.array_equal(np.array(pi.is_valid()), np.array(si.is_valid()))
+    assert np.array_equal(np.array(found.valid), np.array(si.is_valid()))
     safe = np.array(si.is_valid() & (dr.abs(dr.dot(si.n, ray.d)) > 0.1))
     assert safe.sum() > 200
 
@@ -106,12 +109,12 @@ def test_the_normal_of_a_sphere_does_not_lose_digits_with_distance(llvm_ad_rgb: 
     inside = rng.normal(size=(3, 4000))
     d = inside / np.linalg.norm(inside, axis=0) * rng.uniform(0, 0.85, 4000) - origin
     d = (d / np.linalg.norm(d, axis=0)).astype(np.float32).astype(np.float64)
-    pi, hit = _hits(scene, mi.Ray3f(mi.Point3f(origin), mi.Vector3f(d)))
+    found, hit = _hits(scene, mi.Ray3f(mi.Point3f(origin), mi.Vector3f(d)))
 
     unit = d / np.linalg.norm(d, axis=0)
     foot = origin - (origin * unit).sum(axis=0) * unit
     off = np.linalg.norm(foot, axis=0)
-    kept = np.array(pi.is_valid()) & (off < 0.89)
+    kept = np.array(found.valid) & (off < 0.89)
     assert kept.sum() > 1000
     exact = foot - np.sqrt(np.maximum(1 - off**2, 0)) * unit
     assert np.abs(np.array(hit.n) - exact)[:, kept].max() <= 16 * U
@@ -125,8 +128,8 @@ def test_a_point_on_a_plane_is_on_the_plane_however_far_the_ray_came(llvm_ad_rgb
     normal /= np.linalg.norm(normal)
     for distance in (4.0, 1e3, 1e5):
         ray = _rays(4000, distance, seed=5)
-        pi, hit = _hits(scene, ray)
-        p = np.array(hit.p, float)[:, np.array(pi.is_valid())]
+        found, hit = _hits(scene, ray)
+        p = np.array(hit.p, float)[:, np.array(found.valid)]
         assert p.shape[1] > 500
         off = np.abs(normal @ (p - matrix[:3, 3, None]))
         # The last projection: difference, product and sum of three coordinates below 5, rounded 4 times.
@@ -146,8 +149,8 @@ def test_faces_have_the_normal_of_their_exact_vertices(llvm_ad_rgb: str) -> None
     exact /= np.linalg.norm(exact)
     centre = vertices.astype(float).mean(axis=0)
     ray = mi.Ray3f(mi.Point3f((centre + 2 * exact)[:, None]), mi.Vector3f(-exact[:, None]))
-    pi, hit = _hits(scene, ray)
-    assert np.array(pi.is_valid()).all()
+    found, hit = _hits(scene, ray)
+    assert np.array(found.valid).all()
     assert np.abs(np.array(hit.n).ravel() - exact).max() <= U  # one rounding to float32
 
 
@@ -162,8 +165,8 @@ def test_a_round_surface_seen_from_outside_faces_whoever_sees_it(llvm_ad_rgb: st
     ahead = np.array([-np.sin(turn) * np.cos(tilt), np.cos(turn) * np.cos(tilt), np.sin(tilt)])
     touching = side * (1 + rng.uniform(-8, 8, count) * U) + np.array([0, 0, 0.5])[:, None] * (name == "cylinder")
     ray = mi.Ray3f(mi.Point3f((touching - 2 * ahead).astype(np.float32)), mi.Vector3f(ahead.astype(np.float32)))
-    pi, hit = _hits(scene, ray)
-    met = np.array(pi.is_valid())
+    found, hit = _hits(scene, ray)
+    met = np.array(found.valid)
     assert 1000 < met.sum() < count
     # Two thirds of the tube's rays come from outside; the others leave it through an open end.
     assert (np.array(dr.dot(hit.n, ray.d))[met] < 0).all()

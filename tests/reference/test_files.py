@@ -358,13 +358,30 @@ def test_checkerboard_changes_at_half_strictly_and_to_uv_scales_it(eye):
 
 
 def test_exponent_may_be_a_texture(eye):
-    # Asked for one number, Mitsuba's checkerboard exchanges its colours; at u, v < 1/2 it gives color1.
-    board = """<texture type="checkerboard" name="exponent"><float name="color0" value="2"/>
-      <float name="color1" value="4"/></texture><float name="specular_reflectance" value="1"/>"""
+    # At u, v < 1/2 a checkerboard shows color0, whether it stands for a colour or for a number.
+    board = """<texture type="checkerboard" name="exponent"><float name="color0" value="4"/>
+      <float name="color1" value="2"/></texture><float name="specular_reflectance" value="1"/>"""
     lamp = """<emitter type="point"><point name="position" value="3.5,-0.5,3"/>
       <float name="intensity" value="25"/></emitter>"""
     colour = eye(FLOOR.format(board) + lamp).see((-0.5, -0.5, 1), (0, 0, -1))
     assert all(c.low <= 0.64 + 2.0**-53 and c.high >= 0.64 - 2.0**-53 for c in colour)  # (4/5)^(4/2)
+
+
+def test_exponent_of_a_coloured_texture_is_not_judged(load_scene):
+    body = FLOOR.format(bitmap().replace("ambient_reflectance", "exponent"))
+    with pytest.raises(SceneError, match="not judged: exponent of a coloured texture"):
+        load_scene(body, files={"t.png": png(2, 2, 2, [bytes([0, 0, 0, 0, 9, 9, 8])] * 2)})
+
+
+def test_grey_scene_has_the_luminance_of_every_colour(scene_file):
+    body = """<emitter type="constant"><rgb name="radiance" value="0.5 0.25 1"/></emitter>
+      <shape type="sphere"><bsdf type="diffuse"><float name="reflectance" value="0.5"/></bsdf></shape>"""
+    scene = load(scene_file(body, '<rgb name="ambient" value="0.1"/>'), grey=True)
+    weights = [nearest(w) for w in (0.212671, 0.715160, 0.072169)]  # Rec. 709, in single precision
+    y = nearest(weights[0] * 0.5 + weights[1] * 0.25 + weights[2])
+    assert scene.background == (y, y, y)
+    assert scene.shapes[0].look.material.reflectance == (0.5, 0.5, 0.5)
+    assert scene.settings.ambient == (nearest(0.1 * sum(weights)),) * 3
 
 
 def test_texture_on_a_polygon_is_not_judged(load_scene):

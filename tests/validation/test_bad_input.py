@@ -16,6 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from whitted_validation.refusal import no_such_sensor
+
 SCENE = """<scene version="3.0.0">
   <integrator type="whitted" id="integrator"/>
   <sensor type="perspective" id="camera">
@@ -299,7 +301,7 @@ CASES = {
         ("scene.xml:3", 'id="camera"', "[0, 180]"),
         edit=('id="camera">', 'id="camera"><float name="fov" value="200"/>'),
     ),
-    "no such sensor": Case(("-s 3", "1 sensor"), arguments=["-s", "3"]),
+    "no such sensor": Case(("-s 3", "its only sensor is 0"), arguments=["-s", "3"]),
     # the command line
     "output in no folder": Case(
         ("nowhere/picture.exr", "No such file or directory"), arguments=["-o", "nowhere/picture.exr"]
@@ -398,3 +400,10 @@ def test_bad_input_gets_one_line_and_exit_code_2(name: str, outcomes: dict[str, 
 
 def test_there_are_as_many_cases_as_promised() -> None:
     assert len(CASES) >= 40
+
+
+@pytest.mark.parametrize(
+    ("count", "said"), [(0, "it has no sensor"), (1, "its only sensor is 0"), (3, "its sensors are 0 to 2")]
+)
+def test_a_wrong_sensor_is_told_which_there_are(count: int, said: str) -> None:
+    assert str(no_such_sensor(Path("a.xml"), count, 7)) == f"a.xml: there is no -s 7; {said}"

@@ -263,9 +263,7 @@ def test_another_integrator_is_replaced_with_a_message(folder: Path) -> None:
     begin, end = SCENE.index("  <integrator"), SCENE.index("  <sensor")
     (folder / "scene.xml").write_text(SCENE[:begin] + '<integrator type="path" id="i"/>' + SCENE[end:])
     result = whitted("render", "scene.xml", "-m", "llvm_ad_rgb", "-o", "path.npy", cwd=folder)
-    assert result.stderr == (
-        "whitted: scene.xml: has the integrator PathIntegrator; drawn by whitted with its defaults\n"
-    )
+    assert result.stderr == ("whitted: scene.xml: has the integrator `path`; drawn by whitted with its defaults\n")
     assert np.load(folder / "path.npy").tobytes() == whole.tobytes()
 
 

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 import random
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import whitted_reference
 from whitted_reference import Scene
+from whitted_reference.instances import Placed
+from whitted_reference.scene import Instance
 from whitted_reference.shapes import Sphere
 from whitted_validation import noise, scene_files
 from whitted_validation.forms import length, radius
+from whitted_validation.patch import patch_of
 from whitted_validation.rounding import Follower, Rounding, chain
 from whitted_validation.roundoffs import U
 from whitted_validation.textures import Slopes
@@ -78,6 +82,45 @@ def test_a_bound_grows_where_float32_loses_more() -> None:
     by_angle.sort()
     middle = len(by_angle) // 2
     assert np.median([b for _, b in by_angle[:middle]]) > np.median([b for _, b in by_angle[middle:]])
+
+
+INSTANCE = """<scene version="3.0.0"><sensor type="perspective">
+  <transform name="to_world"><translate z="-5"/></transform>
+  <film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="16"/></film></sensor>
+  <shape type="shapegroup" id="group"><shape type="sphere"><point name="center" x="1000" y="-300" z="70"/></shape>
+  <shape type="cube"><transform name="to_world"><translate x="1001.5" y="-300" z="70"/></transform></shape></shape>
+  <shape type="instance" id="far"><ref id="group"/><transform name="to_world"><translate x="-1000" y="300" z="-70"/>
+  <rotate y="1" angle="25"/><scale x="1.25" y="0.75" z="1"/></transform></shape></scene>"""
+
+
+def test_a_hit_brought_out_of_an_instance_in_float32_is_off_by_no_more_than_its_roundings(tmp_path: Path) -> None:
+    """What stands far from the origin inside is moved back to it outside: the digits are lost inside."""
+    (tmp_path / "scene.xml").write_text(INSTANCE)
+    scene = whitted_reference.load(tmp_path / "scene.xml")
+    follower = Follower(scene)
+    (instance,) = scene.shapes
+    assert isinstance(instance, Instance)
+    rows = np.array(instance.to_world.matrix, np.float32)
+    met, greatest = set(), 0.0
+    for y in range(SIZE):
+        for x in range(SIZE):
+            node = follower.record(x, y).root
+            if node.primitive < 0:
+                continue
+            primitive = follower.primitives[node.primitive]
+            assert isinstance(primitive, Placed)
+            e, d, longer = primitive.inner_ray(node.e, node.d)
+            p = np.array(e) + node.t * longer * np.array(d)
+            x32, y32, z32 = p.astype(np.float32)
+            out = ((rows[:, 0] * x32 + rows[:, 1] * y32) + rows[:, 2] * z32) + rows[:, 3]
+            assert out.dtype == np.float32
+            off = np.abs(out - np.array(node.p))
+            allowed = patch_of(primitive, node).point_roundings
+            assert (off <= allowed).all()
+            met.add(node.shape)
+            greatest = max(greatest, float(off.max()))
+    assert len(met) == 2
+    assert greatest > 100 * U  # of a body of size 1: such a bound is needed
 
 
 def test_the_sampling_factor_follows_from_its_statement() -> None:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import html.parser
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import mitsuba as mi
@@ -42,11 +45,15 @@ def judged(arguments: list[str]) -> int:
 def test_a_good_scene_ends_with_0_and_a_complete_report(scene: Path, tmp_path: Path) -> None:
     assert judged([str(scene), "--report", str(tmp_path / "report")]) == 0
     results = json.loads((tmp_path / "report/results.json").read_text())
-    assert (results["schema"], results["exit"], results["complete"]) == (1, 0, True)
+    assert (results["schema"], results["exit"], results["complete"]) == (2, 0, True)
+    assert results["sentence"] == "All 96 pixels agree within their bound."
     (facts,) = results["scenes"]
     assert facts["pixels"] == {"equal": 96, "explained": 0, "unexplained": 0}
-    assert sum(facts["certified"][means] for means in ("propagated", "sampled", "chaotic")) == 96
+    assert facts["certified"] == {"rounding": 96, "noise": 0, "interval": 0, "decimal": 0}
+    assert (facts["chaotic"], facts["loose"]) == (0, {"texture": 0, "grazing": 0, "mirrors": 0})
     assert facts["error"]["largest"] <= facts["bound"]["largest"]
+    assert sum(bounce["pixels"] for bounce in facts["by_bounce"]) == 96
+    assert all(sum(bounce["errors"]) == bounce["pixels"] and bounce["ratio"] <= 1 for bounce in facts["by_bounce"])
     assert sorted(file.name for file in (tmp_path / "report").iterdir()) == ["report.html", "results.json"]
 
 
@@ -73,11 +80,11 @@ def test_the_page_loads_nothing_and_names_are_escaped(scene: Path, tmp_path: Pat
     judged([str(scene), "--report", str(tmp_path / "report")])
     page = Page()
     page.feed((tmp_path / "report/report.html").read_text())
-    assert len(page.sources) == 4
-    assert all(source.startswith("data:image/png;base64,") for source in page.sources)
-    assert not {"i", "script", "link"} & set(page.tags)
+    assert len(page.sources) == 1  # from the table to the scene
+    assert page.sources[0].startswith("#at-")
+    assert not {"i", "img", "link", "iframe", "object"} & set(page.tags)
     assert "<i>ball & co" in page.text
-    assert "0 of 96 pixels in 1 scene(s) are unexplained" in page.text
+    assert "All 96 pixels agree within their bound." in page.text
 
 
 def test_another_picture_ends_with_1_and_the_worst_pixel_first(
@@ -95,6 +102,8 @@ def test_another_picture_ends_with_1_and_the_worst_pixel_first(
             (6, 4, "unexplained"),
             (5, 3, "unexplained"),
         ]
+        assert facts["sentence"].startswith("97.91 % of 96 pixels agree within their bound; 2 differ without")
+        assert all(d["told"].startswith("Unexplained. A and B differ by more than") for d in facts["differences"])
     assert "2 unexplained" in capsys.readouterr().out
 
 
@@ -124,6 +133,28 @@ def test_a_bad_scene_does_not_hide_a_good_one(scene: Path, tmp_path: Path) -> No
     assert "not judged" in results["not_judged"][0]["why"]
 
 
+def test_ctrl_c_keeps_what_is_done_and_says_one_line(scene: Path, tmp_path: Path, llvm_ad_rgb: str) -> None:
+    code = "import sys; from whitted_validation.cli import main; main()"
+    arguments = ["validate", str(scene), "many_spheres", "--size", "96x96", "--report", str(tmp_path / "report")]
+    file = tmp_path / "report/results.json"
+    # A process group of its own: the signal goes to the workers too, as it does on a terminal.
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *arguments], stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    end = time.monotonic() + 100
+    while not (file.is_file() and json.loads(file.read_text())["scenes"]):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    error = process.communicate(timeout=60)[1]
+    assert process.returncode == 130
+    assert error.splitlines()[-1] == "whitted: interrupted"
+    assert "Traceback" not in error
+    results = json.loads(file.read_text())
+    assert (results["complete"], len(results["scenes"])) == (False, 1)
+    assert results["sentence"].endswith("not all scenes are done.")
+
+
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -136,7 +167,7 @@ def test_a_bad_scene_does_not_hide_a_good_one(scene: Path, tmp_path: Path) -> No
         ["lambert", "--against", "a.png"],
         ["lambert", "--against", "missing.npy"],
         ["lambert", "-s", "7", "--size", "4x4"],
-        ["lambert", "-m", "llvm_ad_mono", "--size", "4x4"],
+        ["lambert", "-m", "llvm_ad_spectral", "--size", "4x4"],
         ["no_such_scene"],
     ],
 )
@@ -160,7 +191,7 @@ def test_size_grid_and_sensor_reach_both_programs(scene: Path) -> None:
 def test_a_verdict_shows_itself(scene: Path) -> None:
     verdict = whitted_validation.validate(scene, executor=Here())
     assert str(verdict).endswith("0 unexplained, 0 explained, 96 equal of 12 x 8 pixels")
-    assert verdict._repr_html_().count("data:image/png") == 4
+    assert verdict._repr_html_().count("data:image/png") == 3  # A, B and the error
 
 
 def test_importing_the_package_is_light() -> None:

@@ -117,10 +117,14 @@ def _raw_tree(path: Path) -> Element:
 
 
 class Document:
-    """All elements of a scene: substitutes `$parameters`, merges includes, collects ids, in file order."""
+    """All elements of a scene: substitutes `$parameters`, merges includes, collects ids, in file order.
 
-    def __init__(self, path: Path, parameters: Mapping[str, str], files: Files) -> None:
+    `grey` says that every colour is to be read as its luminance (see `scene_xml.load`).
+    """
+
+    def __init__(self, path: Path, parameters: Mapping[str, str], files: Files, grey: bool = False) -> None:
         self.files = files
+        self.grey = grey
         self.values = dict(parameters)
         self.unused = set(parameters)
         self.ids: dict[str, Element] = {}

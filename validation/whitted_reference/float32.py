@@ -12,7 +12,7 @@ import math
 import struct
 from fractions import Fraction
 
-from whitted_reference.vectors import Vec
+from whitted_reference.vectors import Vec, dot
 
 _BINARY32 = struct.Struct("<f")
 ROUNDOFF = 2.0**-24  # half the distance from 1 to the next binary32 number
@@ -83,3 +83,12 @@ def frame(n: Vec) -> tuple[Vec, Vec]:
     s = (nearest(nearest(nearest(n[0] * n[0]) * a) * sign + 1.0), b * sign, -n[0] * sign)
     t = (b, fma(n[1], nearest(n[1] * a), sign), -n[1])
     return s, t
+
+
+# Rec. 709 luminance with the digits of Mitsuba, which keeps them in single precision.
+LUMINANCE: Vec = nearest_vec((0.212671, 0.715160, 0.072169))
+
+
+def luminance(colour: Vec) -> float:
+    """Return the luminance of a linear colour, in double precision."""
+    return dot(LUMINANCE, colour)  # type: ignore[no-any-return]  # of floats

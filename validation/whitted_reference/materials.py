@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from whitted_reference import scene
 from whitted_reference.arithmetic import Arithmetic
-from whitted_reference.textures import Evaluate, evaluator, single_evaluator
+from whitted_reference.textures import Evaluate, evaluator
 from whitted_reference.vectors import BLACK, Colour, Number, scaled
 
 MAX_EXPONENT = 10_000_000  # a texture of exponents is clamped to [0, this]
@@ -55,7 +55,7 @@ class Material:
         self._sources = [
             evaluator(source if on else BLACK, arithmetic) for source, on in zip(sources, switches, strict=True)
         ]
-        self._exponent = single_evaluator(exponent, arithmetic)
+        self._exponent = evaluator(exponent, arithmetic)
         varies = any(callable(source) for source in (*self._sources, self._exponent))
         self.constant: Terms | None = None
         if not varies:

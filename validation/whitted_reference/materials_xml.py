@@ -18,6 +18,23 @@ def _texture(p: Properties, name: str, default: float | Row3, high: float = 1.0)
     return read_texture(nested, high)
 
 
+def _number(p: Properties, name: str, default: float, high: float) -> scene.Texture:
+    """Take a number, or a texture without colour: of one in colour the written picture takes no number."""
+    texture = _texture(p, name, default, high)
+    if _is_coloured(texture):
+        raise p.not_defined(f"{name} of a coloured texture")
+    return texture
+
+
+def _is_coloured(texture: scene.Texture) -> bool:
+    if isinstance(texture, scene.Checkerboard):
+        return _is_coloured(texture.color0) or _is_coloured(texture.color1)
+    if isinstance(texture, scene.Bitmap):
+        red, green, blue = (texture.texels[i :: texture.channels] for i in (0, -2, -1))
+        return texture.channels == 3 and not red == green == blue
+    return len(set(texture)) > 1
+
+
 def read_texture(p: Properties, high: float) -> scene.Texture:
     """Read a texture whose colours lie in [0, high]."""
     texture: scene.Texture
@@ -37,7 +54,7 @@ def read_texture(p: Properties, high: float) -> scene.Texture:
         if min(png.width, png.height) < 2:
             raise p.refuse(f"{path.name} is {png.width} x {png.height} pixels; allowed: from 2 x 2")
         texture = scene.Bitmap(
-            path.name, png.width, png.height, png.channels, png.texels, not raw, bilinear, wrap, to_uv
+            path.name, png.width, png.height, png.channels, png.texels, not raw, bilinear, wrap, to_uv, p.document.grey
         )
     else:
         raise p.not_defined()
@@ -59,7 +76,7 @@ def _one_sided(p: Properties) -> scene.OneSided:
             diffuse=diffuse,
             specular=_texture(p, "specular_reflectance", 0.0),
             mirror=_texture(p, "mirror_reflectance", 0.0),
-            exponent=_texture(p, "exponent", 32.0, high=1e7),
+            exponent=_number(p, "exponent", 32.0, high=1e7),
         )
     elif p.type == "diffuse":
         material = scene.Diffuse(_texture(p, "reflectance", 0.5))

@@ -4,11 +4,14 @@ Intervals decide first, without a look at any colour: a pixel is *certain* if ev
 its way is decided and the colour is enclosed within `TARGET`. The float colour and the forty-digit
 colour of a certain pixel both lie in that enclosure, so they agree to `TARGET`. A pixel that is not
 certain is flagged, with the reason.
+
+Who only wants the colour asks `settle`: intervals, and forty digits where they leave anything open.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from whitted_reference.arithmetic import DECIMAL, FLOAT, INTERVAL
 from whitted_reference.intervals import Undecided
@@ -37,13 +40,59 @@ class Certificate:
     flag: str | None
 
 
+@dataclass(frozen=True)
+class Settled:
+    """A colour from more than doubles.
+
+    Attributes
+    ----------
+    colour : the nearest floats
+    off : how far the exact colour may be from it, a channel
+    means : name of the arithmetic that settled it
+    """
+
+    colour: Colour
+    off: Colour
+    means: str
+
+
 class Prover:
-    """One scene in three arithmetics."""
+    """One scene in three arithmetics, each prepared when it is first asked."""
 
     def __init__(self, scene: Scene, sensor: int = 0) -> None:
-        self._plain = Tracer(scene, FLOAT, sensor)
-        self._long = Tracer(scene, DECIMAL, sensor)
-        self._enclosing = Tracer(scene, INTERVAL, sensor)
+        self._scene = scene
+        self._sensor = sensor
+
+    @cached_property
+    def _plain(self) -> Tracer:
+        return Tracer(self._scene, FLOAT, self._sensor)
+
+    @cached_property
+    def _long(self) -> Tracer:
+        return Tracer(self._scene, DECIMAL, self._sensor)
+
+    @cached_property
+    def _enclosing(self) -> Tracer:
+        return Tracer(self._scene, INTERVAL, self._sensor)
+
+    def settle(self, x: int, y: int, grid: int = 1, enough: float = TARGET) -> Settled:
+        """Return the colour of one pixel by the first arithmetic that settles it.
+
+        Intervals enclose it. Where they leave a decision open, or the colour by more than `enough`, forty digits
+        carry the path on: no enclosure, but 24 digits more than doubles, far beyond what a mirror chain of a few
+        dozen bounces can lose.
+        """
+        try:
+            low_high = self._enclosing.pixel(x, y, grid)
+            red, green, blue = (INTERVAL.approximate(c) for c in low_high)
+            off = (low_high[0].width, low_high[1].width, low_high[2].width)
+            if all(w <= enough * max(1.0, abs(c)) for w, c in zip(off, (red, green, blue), strict=True)):
+                return Settled((red, green, blue), off, INTERVAL.name)
+        except Undecided:
+            pass
+        red, green, blue = (float(c) for c in self._long.pixel(x, y, grid))
+        half_ulp = 2.0**-53  # of the conversion to floats
+        return Settled((red, green, blue), (half_ulp * red, half_ulp * green, half_ulp * blue), DECIMAL.name)
 
     def pixel(self, x: int, y: int, grid: int = 1) -> Certificate:
         """Certify one pixel, or flag it."""

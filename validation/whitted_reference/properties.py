@@ -166,7 +166,7 @@ class Properties:
         return float32.nearest_vec(_xyz(element, None))
 
     def colour(self, name: str, default: float | Row3, high: float = math.inf) -> Row3:
-        """Take a colour with components in [0, high], rounded to binary32."""
+        """Take a colour with components in [0, high], or its luminance in a grey scene, rounded to binary32."""
         element = self._take(name, "rgb", "float", "integer")
         if element is None:
             grey = default if isinstance(default, tuple) else (default, default, default)
@@ -178,6 +178,8 @@ class Properties:
             if not 0.0 <= value <= high:
                 raise SceneError(f"{element.where}: `{name}` holds {value:g}; allowed: 0 to {high:g}")
         r, g, b = numbers * (3 // len(numbers))
+        if self.document.grey and element.tag == "rgb":
+            r = g = b = float32.luminance((r, g, b))
         return float32.nearest_vec((r, g, b))
 
     def transform(self, name: str = "to_world") -> Affine:

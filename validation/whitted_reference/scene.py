@@ -40,6 +40,7 @@ class Bitmap:
     channels : 1 (grey) or 3 (RGB)
     srgb : whether the bytes are decoded from sRGB; else byte / 255
     wrap : `repeat`, `mirror` or `clamp`
+    grey : whether colours stand for their luminance
     """
 
     name: str
@@ -51,6 +52,7 @@ class Bitmap:
     bilinear: bool
     wrap: str
     to_uv: tuple[Floats3, Floats3]
+    grey: bool = False
 
 
 Texture = Floats3 | Checkerboard | Bitmap

@@ -33,7 +33,9 @@ def _light(p: Properties, number: int) -> scene.Light:
         m = p.transform()
         cutoff = p.single("cutoff_angle", 20.0, 0.0, 180.0)
         beam = float32.nearest(float32.nearest(cutoff * 3.0) / 4.0)
-        beam = p.single("beam_width", beam, 0.0, cutoff)
+        beam = p.single("beam_width", beam, 0.0)
+        if beam > cutoff:  # compared after rounding: the same decimals twice are allowed
+            raise p.refuse(f"`beam_width` is {beam:g}; allowed: 0 to {cutoff:g}")
         if p.has("texture"):
             raise p.not_defined("textured spot light")
         intensity = p.colour("intensity", 1.0)
@@ -176,15 +178,25 @@ def _settings(integrators: list[Properties], where: str, messages: list[str]) ->
 
 # -------------------------------------------------------------------------------------------- the scene
 def load(
-    path: str | Path, parameters: Mapping[str, str] | None = None, allow_dirs: Sequence[str | Path] = ()
+    path: str | Path,
+    parameters: Mapping[str, str] | None = None,
+    allow_dirs: Sequence[str | Path] = (),
+    grey: bool = False,
 ) -> scene.Scene:
     """Read a scene file.
+
+    The definition of the picture says of Mitsuba's monochrome variants: "mono is compared with the luminance
+    of the same". The same scene, that is, and not the same picture: the picture multiplies coefficients, k_d
+    with I and one k_m with the next, and the luminance of a product is not the product of luminances. Mitsuba
+    replaces every colour by its luminance as it reads the scene (a bitmap's where it is asked), and draws with
+    these; so does `grey`.
 
     Parameters
     ----------
     path : the XML file
     parameters : values for `$name` in the file; they win over its `<default>`s
     allow_dirs : folders from which files may be read besides the scene's own
+    grey : whether every colour stands for its luminance
 
     Returns
     -------
@@ -201,7 +213,7 @@ def load(
     if not path.is_file():
         raise SceneError(f"{path.name}: no such file")
     files = Files(path.parent, [Path(folder) for folder in allow_dirs])
-    document = Document(path.resolve(), parameters or {}, files)
+    document = Document(path.resolve(), parameters or {}, files, grey)
     return _read_scene(Properties(document, document.root))
 
 

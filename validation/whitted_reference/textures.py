@@ -7,53 +7,24 @@ from collections.abc import Callable, Sequence
 
 from whitted_reference import scene
 from whitted_reference.arithmetic import Arithmetic
-from whitted_reference.vectors import Colour, Number
+from whitted_reference.float32 import LUMINANCE
+from whitted_reference.vectors import Colour, Number, dot
 
 Evaluate = Callable[[Number, Number], Colour]  # (u, v) -> colour
-
-# Rec. 709 luminance with the digits that Mitsuba uses, for a coloured picture that stands for one number.
-LUMINANCE = (0.212671, 0.715160, 0.072169)
 
 
 def evaluator(texture: scene.Texture, arithmetic: Arithmetic) -> Colour | Evaluate:
     """Return the texture's colour if it is constant, else a function of (u, v)."""
     if isinstance(texture, scene.Checkerboard):
-        return _checkerboard(texture, arithmetic, evaluator, swapped=False)
+        return _checkerboard(texture, arithmetic)
     if isinstance(texture, scene.Bitmap):
         return _bitmap(texture, arithmetic)
     return arithmetic.vec(texture)
 
 
-def single_evaluator(texture: scene.Texture, arithmetic: Arithmetic) -> Colour | Evaluate:
-    """Return the same for a texture that stands for one number; it comes back three times over.
-
-    A coloured bitmap gives its luminance. A checkerboard has its two colours exchanged: Mitsuba's
-    `checkerboard` does so where it is asked for a number and not for a colour.
-    """
-    if isinstance(texture, scene.Checkerboard):
-        return _checkerboard(texture, arithmetic, single_evaluator, swapped=True)
-    if isinstance(texture, scene.Bitmap) and texture.channels == 3:
-        colour = _bitmap(texture, arithmetic)
-        weights = arithmetic.vec(LUMINANCE)
-
-        def luminance(u: Number, v: Number) -> Colour:
-            value = sum(w * c for w, c in zip(weights, colour(u, v), strict=True))
-            return value, value, value
-
-        return luminance
-    return evaluator(texture, arithmetic)
-
-
-def _checkerboard(
-    texture: scene.Checkerboard,
-    arithmetic: Arithmetic,
-    inner: Callable[[scene.Texture, Arithmetic], Colour | Evaluate],
-    swapped: bool,
-) -> Evaluate:
+def _checkerboard(texture: scene.Checkerboard, arithmetic: Arithmetic) -> Evaluate:
     floor = arithmetic.floor
-    even, odd = inner(texture.color0, arithmetic), inner(texture.color1, arithmetic)
-    if swapped:
-        even, odd = odd, even
+    even, odd = evaluator(texture.color0, arithmetic), evaluator(texture.color1, arithmetic)
     (a, b, s), (c, d, t) = (arithmetic.vec(row) for row in texture.to_uv)
 
     def evaluate(u: Number, v: Number) -> Colour:
@@ -93,7 +64,16 @@ def _bitmap(texture: scene.Bitmap, arithmetic: Arithmetic) -> Evaluate:
         )
         return red, green, blue
 
-    return bilinear if texture.bilinear else nearest
+    colour = bilinear if texture.bilinear else nearest
+    if not texture.grey or channels == 1:
+        return colour
+    weights = arithmetic.vec(LUMINANCE)
+
+    def grey(u: Number, v: Number) -> Colour:
+        value = dot(weights, colour(u, v))
+        return value, value, value
+
+    return grey
 
 
 def beyond_nearest_edge(

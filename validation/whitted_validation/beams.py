@@ -7,10 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from whitted_reference.instances import Placed
 from whitted_reference.margins import Place, passing
-from whitted_reference.shapes import Cylinder, Primitive
+from whitted_reference.shapes import Cylinder, Primitive, Sphere
 from whitted_reference.vectors import Vec, dot
 from whitted_validation.forms import length
+from whitted_validation.patch import matrices
 from whitted_validation.rounding import Ray
 from whitted_validation.roundoffs import EDGE_TEST, QUADRATIC_TEST, TRANSFORMED, U
 
@@ -74,7 +76,15 @@ class Beam:
         size = float(np.linalg.norm(high - low))
         at = float(np.linalg.norm(np.maximum(np.abs(low), np.abs(high)))) + math.hypot(*self.e)
         aside = length(moved) + self.errors.offset + EDGE_TEST * (abs(t) + size) + TRANSFORMED * at
-        inner = getattr(primitive, "primitive", primitive)
+        inner = primitive
+        if isinstance(primitive, Placed):
+            inner = primitive.primitive
+            if isinstance(inner, Sphere):  # of an ellipsoid the ray is brought inside: there and back
+                _, inverse = matrices(primitive)
+                spread = float(np.linalg.norm(np.abs(np.linalg.inv(inverse)) @ np.abs(inverse), 2))
+                aside += TRANSFORMED * at * (spread - 1.0)
+            else:  # a vertex, or each number of a matrix, is put into world space in float64 and rounded once
+                aside += U * at
         if isinstance(inner, Cylinder):
             aside += QUADRATIC_TEST * (abs(t) + size) ** 2 / math.sqrt(float(inner.data[7]))
         return aside if math.isfinite(aside) else math.inf

@@ -19,9 +19,11 @@ from typing import Any
 
 import click
 
-from whitted_validation import picture_files, scene_files, validate_command
+from whitted_validation import compare_command, picture_files, scene_files, validate_command
+from whitted_validation.benchmark import command as benchmark_command
 from whitted_validation.refusal import Refusal
 from whitted_validation.request import Request
+from whitted_validation.stress import command as stress_command
 
 TERMS = ("ambient", "diffuse", "specular")
 
@@ -178,6 +180,29 @@ def plan(request: Request) -> None:
 
 
 @whitted.command()
+@about_scene
+@click.argument("x", type=int)
+@click.argument("y", type=int)
+@click.option("-s", "--sensor", default=0, metavar="INDEX", help="Sensor that sees the pixel, counted from 0.")
+@click.option("--grid", type=click.IntRange(1, 64), default=1, metavar="N", help="N x N samples. [default: 1]")
+@click.option("--report", metavar="DIR", help="Write results.json and report.html, with drawings, to this folder.")
+def explain(request: Request, x: int, y: int, sensor: int, grid: int, report: str | None) -> None:
+    """Say why pixel X Y of SCENE has its colour: its ray tree, by the plugin and by the reference tracer.
+
+    X counts to the right and Y down, both from 0.
+    """
+    from whitted_validation.explanation import terminal
+    from whitted_validation.explanation.explanation import Explainer
+
+    explanation = Explainer(request, sensor, grid).pixel(x, y)
+    if report is not None:
+        from whitted_validation.explanation.report import write_explanation
+
+        write_explanation(Path(report), explanation)
+    terminal.show(explanation)
+
+
+@whitted.command()
 @click.option("--copy", metavar="DIR", help="Copy them to a new folder, to be edited there.")
 def scenes(copy: str | None) -> None:
     """List the shipped scenes, or copy them out."""
@@ -201,6 +226,9 @@ def doctor() -> None:
 
 
 validate_command.add_to(whitted, _defines, _folders)
+stress_command.add_to(whitted)
+benchmark_command.add_to(whitted)
+whitted.add_command(compare_command.compare)
 
 
 def _render_reference(

@@ -15,7 +15,7 @@ from mitsuba_whitted.camera import Camera
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.stage import Settings
 from whitted_validation import messages
-from whitted_validation.refusal import Refusal
+from whitted_validation.refusal import Refusal, no_such_sensor
 from whitted_validation.scene_check import Scene
 
 
@@ -71,16 +71,15 @@ def load(seen: Scene, folders: Sequence[Path], defines: Mapping[str, str], senso
     _check_numbers(scene, seen.file)
     sensors: list[mi.Sensor] = scene.sensors()
     if not 0 <= sensor < len(sensors):
-        raise Refusal(f"{seen.file}: has {len(sensors)} sensor(s), counted from 0; there is no -s {sensor}")
+        raise no_such_sensor(seen.file, len(sensors), sensor)
     integrator: Any = scene.integrator()
     remark = None
     if not isinstance(getattr(integrator, "settings", None), Settings):
-        theirs = "no integrator" if integrator is None else f"the integrator {integrator.class_name()}"
-        remark = f"{seen.file}: has {theirs}; drawn by whitted with its defaults"
+        remark = f"{seen.file}: has {seen.integrator}; drawn by whitted with its defaults"
         integrator = mi.load_dict({"type": "whitted", "id": "whitted"})
     try:
         integrator.plan(scene)
-        Camera(sensors[sensor])
+        Camera(sensors[sensor], np.zeros(3))
     except SceneError as error:
         raise Refusal(f"{seen.file}: {error}") from None
     return Loaded(seen.file, scene, sensors[sensor], integrator, remark)

@@ -27,7 +27,7 @@ from whitted_reference import scene
 from whitted_reference.materials import Material, Terms
 from whitted_reference.ray_tree import RayNode, Tree
 from whitted_reference.vectors import Colour
-from whitted_validation.patch import Patch
+from whitted_validation.patch import patch_of
 from whitted_validation.rounding import Follower, chain
 from whitted_validation.roundoffs import (
     CAMERA_DIRECTION,
@@ -71,7 +71,7 @@ class Shaken(Follower):
         if k == 0:
             off, turn = np.zeros(3), CAMERA_DIRECTION + PLANE_DISTANCE + PLANE_SLOPE
         else:
-            patch = Patch(self.primitives[above.primitive], above)
+            patch = patch_of(self.primitives[above.primitive], above)
             off, turn = patch.point_roundings, REFLECTED + 2 * patch.normal_roundings + PLANE_DISTANCE + PLANE_SLOPE
         e = tuple(x + self._draw(float(s)) for x, s in zip(e, off, strict=True))
         d = tuple(x + self._draw(turn) for x in d)

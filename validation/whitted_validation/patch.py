@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from whitted_reference.instances import Placed
 from whitted_reference.ray_tree import RayNode
 from whitted_reference.shapes import Primitive, Sphere
+from whitted_reference.vectors import add, scaled
 from whitted_validation.forms import Matrix, radius
 from whitted_validation.roundoffs import (
     COORDINATE,
@@ -86,8 +87,7 @@ class Patch:
         if self._smooth:
             slope = float(np.abs(self._slope).max()) * float(np.linalg.norm(self.extent))
             return VERTEX_NORMAL + UNIT_VECTOR + WEIGHTS * slope
-        placed = TRANSFORMED + UNIT_VECTOR if isinstance(self._primitive, Placed) else 0.0
-        return placed + (U if self.flat else UNIT_VECTOR + 3 * U)
+        return U if self.flat else UNIT_VECTOR + 3 * U
 
     def distance_roundings(self, t: float) -> float:
         """Own roundings of the meeting, as a distance along the normal."""
@@ -103,8 +103,6 @@ class Patch:
         """Own roundings of the point: of its coordinates, and of its place on the surface."""
         assert self._node.p is not None
         coordinates = 2 * U * np.abs(np.array(self._node.p, float))
-        if isinstance(self._primitive, Placed):
-            coordinates = coordinates + TRANSFORMED * self.reach
         if self._ball or not self.flat:
             return np.asarray(coordinates + (UNIT_VECTOR + 3 * U) * float(self.extent.max()) / 2.0)
         return np.asarray(coordinates + PLANE_DISTANCE * float(np.abs(self._g) @ self.extent) * np.abs(self._g))
@@ -120,3 +118,53 @@ class Patch:
         slope = change.T / (2.0 * self._by)
         off = radius(slope @ (self._tangents @ hit)) + COORDINATE
         return float(off[0]), float(off[1])
+
+
+class PlacedPatch(Patch):
+    """The surface of an instance: a hit inside with its own roundings, and what bringing it out costs.
+
+    The ray is brought in and the hit out by matrices that are inverted in float64 and rounded once. (Who is met
+    first is decided outside, on vertices put into world space in float64 and rounded once: see `beams`.)
+    """
+
+    def __init__(self, primitive: Placed, node: RayNode) -> None:
+        super().__init__(primitive, node)
+        e, d, length = primitive.inner_ray(node.e, node.d)
+        t = node.t * length
+        p = add(e, scaled(d, t))
+        n, n_g = primitive.primitive.normals(e, d, t, p)
+        self._inside = Patch(primitive.primitive, RayNode(node.k, e, d, t=t, p=p, n=n, n_g=n_g))
+        self._length = length
+        self._shift, inverse = matrices(primitive)
+        self._matrix = np.abs(np.linalg.inv(inverse))
+        self._p = np.abs(np.array(p, float))
+        # |M^-T n|, for both normals: a distance along the normal inside is 1 / |M^-T n_g| as long outside.
+        self._n_size, self._g_size = (float(np.linalg.norm(inverse.T @ np.array(m, float))) for m in (n, n_g))
+        self._rows = float(np.abs(inverse.T).sum(axis=1).max())
+        self.reach = self._matrix @ self._inside.reach + np.abs(self._shift)
+
+    @property
+    def normal_roundings(self) -> float:
+        """Those inside, and of M^-T n: its rows 1 and dot product 3, more where they cancel; unit vector."""
+        return (self._inside.normal_roundings + 4 * U) * self._rows / self._n_size + UNIT_VECTOR
+
+    def distance_roundings(self, t: float) -> float:
+        """Those inside, as a distance outside."""
+        return self._inside.distance_roundings(t * self._length) / self._g_size
+
+    @property
+    def point_roundings(self) -> NDArray[np.float64]:
+        """Those inside, brought out, and of the matrix."""
+        out = self._matrix @ self._inside.point_roundings
+        return np.asarray(out + TRANSFORMED * (self._matrix @ self._p + np.abs(self._shift)))
+
+
+def matrices(primitive: Placed) -> tuple[Matrix, Matrix]:
+    """Return the translation of an instance, and the inverse of its linear part."""
+    data = np.array(primitive.data, float)
+    return data[:3], data[3:].reshape(3, 3)
+
+
+def patch_of(primitive: Primitive, node: RayNode) -> Patch:
+    """Return the surface around a hit."""
+    return PlacedPatch(primitive, node) if isinstance(primitive, Placed) else Patch(primitive, node)

@@ -1,4 +1,4 @@
-"""Pictures on disk: EXR and NPY as they were computed, PNG for the eye; complete or not there at all."""
+"""Pictures written to disk: EXR and NPY as they were computed, PNG for the eye; complete or not there at all."""
 
 from __future__ import annotations
 

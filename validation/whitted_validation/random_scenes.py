@@ -3,8 +3,8 @@
     python -m whitted_validation.random_scenes [--count 200] [--first 0] [--keep DIR]
 
 judges scenes of consecutive seeds, prints how often each feature occurred, and ends with 1 if a pixel is
-unexplained. Every second scene is built of contacts: bodies that touch, stand on the floor or lie within
-each other.
+unexplained. A scene with such a pixel is cut down to the smallest that has one, which is printed. Every
+second scene is built of contacts: bodies that touch, stand on the floor or lie within each other.
 """
 
 from __future__ import annotations
@@ -15,12 +15,18 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import click
 
 from whitted_validation import scene_files
+from whitted_validation.bounds import Means
+from whitted_validation.refusal import Refusal
+from whitted_validation.shrink import shrunk
+from whitted_validation.validation import processes, validate
+from whitted_validation.verdict import Status
 
 SOLIDS = ("sphere", "rectangle", "disk", "cylinder", "cube", "obj", "ply", "polygon")
 MESHES = {"obj": ("icosahedron", "octahedron", "tetrahedron", "dodecahedron", "cube"), "ply": ("vase",)}
@@ -277,15 +283,34 @@ def write(folder: Path, seed: int, width: int = 40, height: int = 30) -> tuple[P
     return file, builder.features
 
 
+def cut_down(file: Path, executor: Executor | None = None, variant: str | None = None) -> Path:
+    """Write, beside a scene with unexplained pixels, the smallest that still has one; return its file."""
+    small = file.with_name(f"{file.stem}_small.xml")
+    trial = file.with_name(f"{file.stem}_trial.xml")
+
+    def fails(text: str) -> bool:
+        trial.write_text(text)
+        try:
+            return not validate(trial, executor=executor, variant=variant).good
+        except Refusal:
+            return False  # what is left is no scene, or none that can be judged
+
+    def keep(text: str) -> None:
+        small.write_text(text)
+
+    try:
+        keep(shrunk(file.read_text(), fails, keep))
+    finally:
+        trial.unlink(missing_ok=True)
+    return small
+
+
 @click.command()
 @click.option("--count", default=200, help="Number of scenes.")
 @click.option("--first", default=0, help="Seed of the first.")
 @click.option("--keep", metavar="DIR", help="Write the scenes here.")
 def main(count: int, first: int, keep: str | None) -> None:
     """Judge random scenes."""
-    from whitted_validation.validation import processes, validate
-    from whitted_validation.verdict import Status
-
     features: Counter[str] = Counter()
     totals: Counter[str] = Counter()
     bad = []
@@ -296,15 +321,17 @@ def main(count: int, first: int, keep: str | None) -> None:
             file, here = write(folder, seed)
             features.update(here)
             verdict = validate(file, executor=workers)
-            for status in Status:
-                totals[status.name.lower()] += verdict.judgement.count(status)
-            totals["loose"] += int(verdict.judgement.bounds.loose.sum())
-            totals["chaotic"] += int(verdict.judgement.bounds.chaotic.sum())
+            judgement = verdict.judgement
+            totals.update({status.name.lower(): judgement.count(status) for status in Status})
+            totals.update({f"by {means.name.lower()}": int((judgement.bounds.means == means).sum()) for means in Means})
             if not verdict.good:
                 bad.append(seed)
                 click.echo(verdict.summary)
-                for difference in verdict.judgement.differences[:3]:
+                for difference in judgement.differences[:3]:
                     click.echo(f"  {difference}")
+                small = cut_down(file, workers)
+                click.echo(f"the smallest scene with an unexplained pixel{f', {small}' if keep else ''}:")
+                click.echo(small.read_text())
     for name, times in sorted(features.items()):
         click.echo(f"{name:<24}{times}")
     click.echo(f"{count} scenes, pixels: {dict(totals)}; scenes with unexplained pixels: {bad or 'none'}")

@@ -24,7 +24,7 @@ from whitted_reference.materials import Material, Terms
 from whitted_reference.ray_tree import Key, LightNode, RayNode, Recorder, Tree
 from whitted_reference.shapes import Surface
 from whitted_validation.forms import Matrix, length, radius
-from whitted_validation.patch import Patch
+from whitted_validation.patch import Patch, matrices, patch_of
 from whitted_validation.roundoffs import (
     ARC_TANGENT,
     CAMERA_DIRECTION,
@@ -196,7 +196,7 @@ class Rounding:
         primitive = self._primitives[node.primitive]
         d = np.array(node.d, float)
         n, n_g = np.array(node.n, float), np.array(node.n_g, float)
-        patch = Patch(primitive, node)
+        patch = patch_of(primitive, node)
         if isinstance(primitive, Placed):
             ray = _through_matrix(primitive, node, ray)
         hit = self._hit(node, ray, patch, n_g)
@@ -298,7 +298,12 @@ class Rounding:
         return np.asarray(error, float)
 
     def _arrival(
-        self, source: Light, node: RayNode, light: LightNode, hit: Matrix, l: Matrix  # noqa: E741
+        self,
+        source: Light,
+        node: RayNode,
+        light: LightNode,
+        hit: Matrix,
+        l: Matrix,  # noqa: E741
     ) -> tuple[Matrix, float, float]:
         """Return the error form of l, the relative error of the irradiance, and that of the distance."""
         if not isinstance(source, Point):
@@ -376,8 +381,7 @@ def _lobe(angle: float, exponent: float) -> float:
 
 def _through_matrix(primitive: Placed, node: RayNode, ray: Ray) -> Ray:
     """Add what it costs to bring a ray into an instance's own space, seen from outside."""
-    data = np.array(primitive.data, float)
-    shift, inverse = data[:3], data[3:].reshape(3, 3)
+    shift, inverse = matrices(primitive)
     matrix = np.linalg.inv(inverse)
     # |M^-1| |e| and the rounded translation of the inverse, brought back by |M|.
     inside = np.abs(inverse) @ (np.abs(np.array(node.e, float)) + np.abs(shift))

@@ -97,6 +97,12 @@ class Scene:
         """Find the object whose tag stands at a place that Mitsuba names."""
         return self.objects.get((file, line, column))
 
+    @property
+    def integrator(self) -> str:
+        """The scene's integrator in words, by the type that its file gives it."""
+        types = (element.attributes["type"] for element in self.objects.values() if element.tag == "integrator")
+        return next((f"the integrator `{name}`" for name in types), "no integrator")
+
 
 def check(scene: Path, folders: Sequence[Path] = (), defines: Mapping[str, str] | None = None) -> Scene:
     """Look through a scene file and all that it includes.

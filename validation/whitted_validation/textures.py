@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whitted_reference import scene
 from whitted_reference.arithmetic import FLOAT
@@ -17,40 +16,46 @@ from whitted_validation.roundoffs import U
 
 COLOURS = ("ambient", "diffuse", "specular", "mirror")
 TERMS = (*COLOURS, "exponent")
-# A byte's linear value: a power of base 2.4 of it, by a logarithm and an exponential; relative to 1.
-DECODED = 8 * U
+# A byte's linear value: a power of base 2.4 of it, by a logarithm and an exponential (8), and the luminance of
+# three, where colours stand for it (3); relative to 1.
+DECODED = 11 * U
+# Coordinates off by more texels than that tell nothing of the texture.
+MOST_TEXELS = 8.0
 
-Slope = Callable[[float, float], tuple[float, float]]  # (u, v) -> largest change per unit of u and of v
+Uv = tuple[float, float]
+Change = Callable[[Uv, Uv], float]  # (uv, how far they may be off) -> largest change
 
 
 class Slopes:
-    """Slopes of every coefficient of every surface, near given coordinates; steps are left out."""
+    """Slopes of every coefficient of every surface, near given coordinates; steps are left out.
 
-    def __init__(self, description: scene.Scene) -> None:
-        self._slopes: dict[tuple[str, bool, str], list[Slope]] = {}
+    With `level` it is asked what would be if there were none.
+    """
+
+    def __init__(self, description: scene.Scene, level: bool = False) -> None:
+        self._changes: dict[tuple[str, bool, str], list[Change]] = {}
         self._varying: set[tuple[str, bool]] = set()
         for name, look in _looks(description.shapes):
             material = look.material
             sides = (material.front, material.behind) if isinstance(material, scene.TwoSided) else (material,)
             for front, side in zip((True, False), sides, strict=False):
                 for term, texture in _textures(side):
-                    slopes = list(_slopes(texture))
-                    if slopes:
-                        self._slopes[name, front, term] = slopes
-                    if any(slope is not _level for slope in slopes):
+                    changes = list(_changes(texture))
+                    if changes and not level:
+                        self._changes[name, front, term] = changes
+                    if any(change is not _level for change in changes):
                         self._varying.add((name, front))
 
     def varies(self, surface: str, front: bool) -> bool:
         """Tell whether any coefficient changes other than in steps."""
         return (surface, front) in self._varying
 
-    def error(self, surface: str, front: bool, term: str, uv: tuple[float, float], off: tuple[float, float]) -> float:
+    def error(self, surface: str, front: bool, term: str, uv: Uv, off: Uv) -> float:
         """Bound the change of a coefficient in any channel, at coordinates `uv` known to within `off`."""
-        slopes = self._slopes.get((surface, front, term))
-        if slopes is None:
+        changes = self._changes.get((surface, front, term))
+        if changes is None:
             return 0.0
-        changes = (slope(*uv) for slope in slopes)
-        return DECODED + max(du * off[0] + dv * off[1] for du, dv in changes)
+        return DECODED + max(change(uv, off) for change in changes)
 
 
 def _looks(shapes: Any, prefix: str = "") -> Iterator[tuple[str, scene.Look]]:
@@ -72,62 +77,41 @@ def _textures(side: scene.OneSided) -> Iterator[tuple[str, scene.Texture]]:
             yield term, getattr(side, term)
 
 
-def _slopes(texture: scene.Texture) -> Iterator[Slope]:
-    """Yield the slopes of all pictures in a texture."""
+def _changes(texture: scene.Texture) -> Iterator[Change]:
+    """Yield the changes of all pictures in a texture."""
     if isinstance(texture, scene.Checkerboard):  # what is in its squares is asked at the same uv
-        yield from _slopes(texture.color0)
-        yield from _slopes(texture.color1)
+        yield from _changes(texture.color0)
+        yield from _changes(texture.color1)
     elif isinstance(texture, scene.Bitmap):
-        yield _slope(texture) if texture.bilinear else _level
+        yield _change(texture) if texture.bilinear else _level
 
 
-def _level(u: float, v: float) -> tuple[float, float]:
+def _level(uv: Uv, off: Uv) -> float:
     """Change in steps only."""
-    return 0.0, 0.0
+    return 0.0
 
 
-def _slope(texture: scene.Bitmap) -> Slope:
-    """Find the largest differences of neighbouring texels, among those around a place."""
+def _change(texture: scene.Bitmap) -> Change:
+    """Between four texel centres a picture is bilinear: no steeper than the differences of the four."""
     w, h = texture.width, texture.height
     whole: tuple[Any, Any] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     colour = evaluator(replace(texture, bilinear=False, to_uv=whole), FLOAT)
     assert callable(colour)
-    # One texel more on each side, by the texture's own rule; two more, so that every place has neighbours.
-    texels = np.array(
-        [[colour((i + 0.5) / w, (j + 0.5) / h) for i in range(-2, w + 2)] for j in range(-2, h + 2)], float
-    )
-    across = np.abs(np.diff(texels, axis=1)).max(axis=2)
-    down = np.abs(np.diff(texels, axis=0)).max(axis=2)
-    across, down = _greatest_around(across) * w, _greatest_around(down) * h
+
+    def texel(i: int, j: int) -> Any:
+        return colour((i + 0.5) / w, (j + 0.5) / h)
+
     (a, b, s), (c, d, t) = texture.to_uv
-    inside: Callable[[float, int], int] = {"repeat": _repeat, "mirror": _mirror, "clamp": _clamp}[texture.wrap]
 
-    def slope(u: float, v: float) -> tuple[float, float]:
-        i = inside(a * u + b * v + s, w) + 2
-        j = inside(c * u + d * v + t, h) + 2
-        x = float(across[j, min(i, across.shape[1] - 1)])
-        y = float(down[min(j, down.shape[0] - 1), i])
-        return abs(a) * x + abs(c) * y, abs(b) * x + abs(d) * y
+    def change(uv: Uv, off: Uv) -> float:
+        x, off_x = (a * uv[0] + b * uv[1] + s) * w - 0.5, (abs(a) * off[0] + abs(b) * off[1]) * w
+        y, off_y = (c * uv[0] + d * uv[1] + t) * h - 0.5, (abs(c) * off[0] + abs(d) * off[1]) * h
+        if not off_x + off_y < MOST_TEXELS:
+            return 1.0  # all that bytes can differ by
+        columns = range(math.floor(x - off_x), math.floor(x + off_x) + 2)
+        rows = range(math.floor(y - off_y), math.floor(y + off_y) + 2)
+        around = np.array([[texel(i, j) for i in columns] for j in rows], float)
+        across, down = np.abs(np.diff(around, axis=1)).max(), np.abs(np.diff(around, axis=0)).max()
+        return min(1.0, off_x * float(across) + off_y * float(down))
 
-    return slope
-
-
-def _greatest_around(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the largest value within two places of each: bilinear weights, and uv just across a texel's side."""
-    padded = np.pad(values, 2, mode="edge")
-    h, w = values.shape
-    greatest: NDArray[np.float64] = np.max([padded[j : j + h, i : i + w] for j in range(5) for i in range(5)], axis=0)
-    return greatest
-
-
-def _repeat(x: float, size: int) -> int:
-    return math.floor(x * size) % size
-
-
-def _mirror(x: float, size: int) -> int:
-    i = math.floor(x * size) % (2 * size)
-    return i if i < size else 2 * size - 1 - i
-
-
-def _clamp(x: float, size: int) -> int:
-    return min(max(math.floor(x * size), 0), size - 1)
+    return change

@@ -13,6 +13,7 @@ import click
 
 from whitted_validation import scene_files
 from whitted_validation.refusal import Refusal
+from whitted_validation.request import Request
 
 ALL_SIZE = (128, 128)  # of --all: at this size all shipped scenes take a few minutes, traced for the first time
 
@@ -75,15 +76,18 @@ def add_to(group: click.Group, defines: Callable[..., Any], folders: Callable[..
 
 
 def _judge(scenes: tuple[str, ...], options: dict[str, Any], folder: Path | str | None) -> int:
-    from whitted_validation.report.verdicts import exit_code, write_verdicts
+    from whitted_validation.explanation.report import explained
+    from whitted_validation.report.verdicts import Judged, exit_code, write_verdicts
+    from whitted_validation.seen import look
     from whitted_validation.validation import Verdict, cache_folder, processes, validate
 
     verdicts: list[Verdict] = []
+    pages: list[Judged] = []
     refused: list[tuple[str, str]] = []
 
     def save(complete: bool) -> None:
         if folder:
-            write_verdicts(Path(folder), verdicts, refused, complete)
+            write_verdicts(Path(folder), pages, refused, complete)
 
     save(complete=False)  # before any work: the folder can be written to
     with processes() as workers:
@@ -96,6 +100,10 @@ def _judge(scenes: tuple[str, ...], options: dict[str, Any], folder: Path | str 
                 click.echo(f"whitted: {refusal}", err=True)
             else:
                 verdicts.append(verdict)
+                if folder:
+                    request = Request(scene, verdict.variant, options["defines"], options["folders"], None, 0)
+                    rays = explained(verdict, request, options["size"])
+                    pages.append(Judged(verdict, look(verdict.description, workers, verdict.sensor), rays))
                 click.echo(verdict.summary)
                 for difference in verdict.judgement.differences[:5]:
                     reasons = f": {'; '.join(difference.reasons)}" if difference.reasons else ""

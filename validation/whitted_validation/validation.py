@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import multiprocessing
 import os
+import signal
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
@@ -20,7 +21,7 @@ import whitted_reference
 from whitted_reference.image import resized
 from whitted_validation.bounds import measure
 from whitted_validation.picture_reading import read_picture
-from whitted_validation.refusal import Refusal
+from whitted_validation.refusal import Refusal, no_such_sensor
 from whitted_validation.request import Request
 from whitted_validation.verdict import Judgement, Status, judge
 
@@ -92,7 +93,12 @@ class Here(Executor):
 @contextmanager
 def processes() -> Iterator[Executor]:
     """Offer new local processes; those that wait are dropped when the work is interrupted."""
-    executor = ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn"))
+    # Ctrl-C reaches workers too; what to do about it is decided here.
+    executor = ProcessPoolExecutor(
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=signal.signal,
+        initargs=(signal.SIGINT, signal.SIG_IGN),
+    )
     try:
         yield executor
     finally:
@@ -143,9 +149,10 @@ def validate(
     request = Request(str(scene_file), variant, dict(defines or {}), list(folders), None, 0)
     file = request.seen.file
     try:
-        scene = whitted_reference.load(file, request.defines, request.folders)
+        grey = (variant or "").endswith("_mono")
+        scene = whitted_reference.load(file, request.defines, request.folders, grey)
         if not 0 <= sensor < len(scene.sensors):
-            raise Refusal(f"{file}: has {len(scene.sensors)} sensor(s), counted from 0; there is no -s {sensor}")
+            raise no_such_sensor(file, len(scene.sensors), sensor)
         if size is not None:
             scene = resized(scene, *size)
         if against is None:
@@ -182,11 +189,12 @@ def _drawn(request: Request, size: tuple[int, int] | None, grid: int, sensor: in
     from whitted_validation import render
 
     variant = str(mi.variant())
-    if not variant.endswith("_rgb"):
-        raise Refusal(f"-m {variant}: pictures are judged in rgb variants")
+    if not variant.endswith(("_rgb", "_mono")):
+        raise Refusal(f"-m {variant}: pictures are judged in rgb and mono variants")
     if size is not None:
         render.resize(loaded, size)
-    return render.render(loaded, grid).astype(np.float64), variant
+    picture = render.render(loaded, grid).astype(np.float64)
+    return np.repeat(picture, 3 // picture.shape[2], axis=2), variant  # of grey, three equal channels
 
 
 def _given_picture(path: Path) -> NDArray[np.float64]:

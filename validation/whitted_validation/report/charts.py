@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from whitted_validation.report.sections import short
 
 WIDTH, HEIGHT = 640, 340
-LEFT, RIGHT, TOP, BOTTOM = 76, 16, 14, 52
+LEFT, RIGHT, TOP, BOTTOM = 76, 16, 20, 52
 MOST_TICKS = 9
 COLOURS = 6  # classes series-0 ... of page.css; more series than that repeat them with other dashes
 
@@ -46,7 +46,7 @@ def _axis(values: Iterable[float], start: float, end: float, log: bool, from_zer
         low, high = 10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high))
         return _Axis(low, high if high > low else 10 * low, start, end, True)
     low = min(low, 0.0) if from_zero else low
-    return _Axis(low, high if high > low else low + 1.0, start, end, False)
+    return _Axis(low, high if high > low else low + (abs(low) or 1.0), start, end, False)
 
 
 def _can_show(x: float, log: bool) -> bool:
@@ -131,7 +131,13 @@ class Bars:
                 )
                 base[place] += value
             drawn.append(f'<g class="series-{index % COLOURS}">{"".join(rectangles)}</g>')
-        every = math.ceil(len(self.labels) / 16)
+        sums = "".join(
+            f'<text x="{LEFT + pitch * (place + 0.5):.1f}" y="{y(total) - 5:.1f}" text-anchor="middle">'
+            f"{short(total)}</text>"
+            for place, total in enumerate(totals)
+            if total
+        )
+        every = math.ceil(len(self.labels) / MOST_TICKS)
         labels = "".join(
             f'<text x="{LEFT + pitch * (place + 0.5):.1f}" y="{HEIGHT - BOTTOM + 18}" text-anchor="middle">'
             f"{html.escape(label)}</text>"
@@ -139,7 +145,7 @@ class Bars:
             if place % every == 0
         )
         return _figure(
-            self.title, _frame(None, y, self.x_label, self.y_label, ()) + "".join(drawn) + labels, self.series
+            self.title, _frame(None, y, self.x_label, self.y_label, ()) + "".join(drawn) + sums + labels, self.series
         )
 
 

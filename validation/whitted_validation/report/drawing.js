@@ -7,13 +7,15 @@ const HUES = { // of the verdict: equal, explained, unexplained
 // Black for no error, then from dark blue over magenta and orange to near white: lighter is worse.
 const RAMP = [[20, 20, 54], [82, 28, 120], [168, 46, 110], [230, 92, 60], [250, 170, 70], [255, 250, 215]];
 
+const MOST_RINGS = 60;
+
 const isDark = () => matchMedia("(prefers-color-scheme: dark)").matches && !matchMedia("print").matches;
 
-/** sRGB (IEC 61966-2-1), in bytes, of linear radiance. */
+/** sRGB (IEC 61966-2-1) of linear radiance, 0..255; the canvas rounds. */
 function coded(linear) {
   if (!(linear > 0)) return 0;
   if (linear >= 1) return 255;
-  return 255 * (linear <= 0.0031308 ? 12.92 * linear : 1.055 * linear ** (1 / 2.4) - 0.055) + 0.5;
+  return 255 * (linear <= 0.0031308 ? 12.92 * linear : 1.055 * linear ** (1 / 2.4) - 0.055);
 }
 
 /** Colour of a share 0..1 of the error scale. */
@@ -23,11 +25,13 @@ function ramp(share) {
   return RAMP[k].map((from, c) => from + (at - k) * (RAMP[k + 1][c] - from));
 }
 
-/** The ends of the error scale as powers of ten: what float32 can show, up to the largest finite error. */
+/** The ends of the error scale as powers of ten: what float32 can show, up to the largest finite error that is equal. */
 function scaleOf(pair, unit) {
   const errors = unit === "ulp" ? pair.worstUlps : pair.worst;
   let largest = 0;
-  for (const error of errors) if (Number.isFinite(error) && error > largest) largest = error;
+  errors.forEach((error, i) => {
+    if (Number.isFinite(error) && !pair.status?.[i] && error > largest) largest = error;
+  });
   const [low, high] = unit === "ulp" ? [-1, 3] : [-9, -3];
   return [low, Math.max(high, Math.ceil(Math.log10(largest || 1e-300)))];
 }
@@ -49,9 +53,15 @@ const makers = {
       return errors[i] === Infinity ? [255, 0, 255] : ramp((Math.log10(errors[i]) - low) / (high - low));
     };
   },
+  /** Equal pixels show a pale A in grey, so that the others are seen in their place. */
   verdict(pair) {
     const hues = HUES[isDark() ? "dark" : "light"];
-    return (i) => hues[pair.status[i]];
+    return (i) => {
+      const hue = hues[pair.status[i]];
+      if (pair.status[i]) return hue;
+      const grey = coded(0.2126 * pair.a[0][i] + 0.7152 * pair.a[1][i] + 0.0722 * pair.a[2][i]);
+      return hue.map((x) => 0.7 * x + 0.3 * grey);
+    };
   },
 };
 
@@ -101,19 +111,24 @@ function writeNumbers(context, viewer) {
   }
 }
 
-/** Mark the pixels that are not equal: their areas, and rings around those that are too small to be seen. */
+/** Mark the pixels that are not equal: by rings where they are few and small, else by their outlines. */
 function markUnequal(context, viewer) {
-  const { pair, scale, left, top, listed } = viewer;
+  const { pair, scale, left, top, marked } = viewer;
   const hues = HUES[isDark() ? "dark" : "light"];
-  for (const i of listed) {
+  const rings = scale < 8 && marked.length <= MOST_RINGS;
+  const strokes = rings || scale >= 8 ? [["#fffc", 4.5], [null, 2.5]] : [[null, 1]];
+  const inset = strokes.length / 2;
+  for (const i of marked) {
     const [x, y] = [(i % pair.width - left) * scale, (Math.floor(i / pair.width) - top) * scale];
     if (x < -scale || y < -scale || x > viewer.wide || y > viewer.tall) continue;
-    context.strokeStyle = `rgb(${hues[pair.status[i]]})`;
-    context.lineWidth = 2;
     context.beginPath();
-    if (scale < 8) context.arc(x + scale / 2, y + scale / 2, 7, 0, 2 * Math.PI);
-    else context.rect(x + 1, y + 1, scale - 2, scale - 2);
-    context.stroke();
+    if (rings) context.arc(x + scale / 2, y + scale / 2, 7, 0, 2 * Math.PI);
+    else context.rect(x + inset, y + inset, scale - 2 * inset, scale - 2 * inset);
+    for (const [hue, wide] of strokes) {
+      context.strokeStyle = hue ?? `rgb(${hues[pair.status[i]]})`;
+      context.lineWidth = wide;
+      context.stroke();
+    }
   }
 }
 
@@ -129,4 +144,34 @@ function outline(context, viewer, i) {
   context.lineWidth = 1;
   context.strokeStyle = "#fff";
   context.strokeRect(x, y, side, side);
+}
+
+/** Draw the line between A and B. */
+function drawLine(context, { tall }, line) {
+  context.fillStyle = "#0008";
+  context.fillRect(line - 1.5, 0, 3, tall);
+  context.fillStyle = "#fff";
+  context.fillRect(line - 0.5, 0, 1, tall);
+  context.font = "600 13px system-ui, sans-serif";
+  context.textBaseline = "top";
+  for (const [text, at, align] of [["A", line - 9, "right"], ["B", line + 9, "left"]]) {
+    context.textAlign = align;
+    context.lineWidth = 3;
+    context.strokeStyle = "#0009";
+    context.strokeText(text, at, 8);
+    context.fillText(text, at, 8);
+  }
+}
+
+/** Draw the error scale below the picture. */
+function drawScale(viewer) {
+  const [low, high] = scaleOf(viewer.pair, viewer.unit);
+  const unit = viewer.unit === "ulp" ? " ulp" : "";
+  viewer.find(".low").textContent = `black: 0. 10^${low}${unit}`.replace("^-", "^−");
+  viewer.find(".high").textContent = `10^${high}${unit} and more`.replace("^-", "^−");
+  const context = viewer.find(".ramp").getContext("2d");
+  for (let x = 0; x < 256; x++) {
+    context.fillStyle = `rgb(${ramp(x / 255)})`;
+    context.fillRect(x, 0, 1, 1);
+  }
 }

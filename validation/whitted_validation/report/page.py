@@ -46,7 +46,7 @@ def write(folder: Path, results: Mapping[str, Any], title: str, sections: Sequen
 
 def page(title: str, sections: Sequence[Section], facts: Mapping[str, Any], style: str = "") -> str:
     """Return the whole page."""
-    script = "\n".join(_asset(f"{name}.js") for name in ("planes", "drawing", "viewer"))
+    script = "\n".join(_asset(f"{name}.js") for name in ("planes", "drawing", "telling", "viewer"))
     css = _asset("page.css") + _asset("viewer.css") + style
     policy = (
         f"default-src 'none'; script-src 'sha256-{_sha256(script)}'; style-src 'sha256-{_sha256(css)}'; "

@@ -68,7 +68,7 @@ class Pair {
   /** B as the double that is nearest to what is known of it. */
   exact(i, c) {
     const b = this.b[c][i];
-    return this.tail[c] ? b + (this.tail[c][i] / 16) * spacing(b) : b;
+    return this.tail[c] ? b + (this.tail[c][i] / 8) * spacing(b) : b;
   }
 
   /** |A - B| of one channel; equal infinities do not differ. */
@@ -100,6 +100,11 @@ class Pair {
   /** Coordinates of a pixel in the whole picture. */
   place(i) {
     return this.x ? [this.x[i], this.y[i]] : [i % this.width, Math.floor(i / this.width)];
+  }
+
+  /** Pixels that come with an explanation. */
+  drawn() {
+    return [...this.worst.keys()].filter((i) => this.place(i).join(",") in this.explained);
   }
 
   /** Pixels to look at first: not equal, unexplained before explained, then by error; without a verdict the worst. */

@@ -40,7 +40,7 @@ def environment() -> dict[str, str]:
 
 def encoded(results: Mapping[str, Any]) -> str:
     """Write as JSON text."""
-    return json.dumps(results, indent=1, allow_nan=False) + "\n"
+    return json.dumps(results, indent=1) + "\n"
 
 
 def _plain(x: Any) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import math
+import re
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -27,14 +28,14 @@ class Section(Protocol):
 
 @dataclass(frozen=True)
 class Sentence:
-    """A paragraph."""
+    """A paragraph; names in it stand in `backticks`."""
 
     text: str
     tone: Tone = ""
 
     def html(self) -> str:
         """Return a paragraph."""
-        return f'<p class="sentence {self.tone}">{html.escape(self.text)}</p>'
+        return f'<p class="sentence {self.tone}">{prose(self.text)}</p>'
 
 
 @dataclass(frozen=True)
@@ -115,9 +116,14 @@ class Group:
 
     def html(self) -> str:
         """Return a section with an anchor."""
-        note = f'<p class="quiet">{html.escape(self.note)}</p>' if self.note else ""
+        note = f'<p class="quiet">{prose(self.note)}</p>' if self.note else ""
         inner = "".join(section.html() for section in self.sections)
         return f'<section id="{_anchor(self.title)}"><h2>{html.escape(self.title)}</h2>{note}{inner}</section>'
+
+
+def prose(text: str) -> str:
+    """Escape a text, and set what stands in `backticks` as a name."""
+    return re.sub(r"`([^`]*)`", r"<code>\1</code>", html.escape(text))
 
 
 def short(x: float) -> str:

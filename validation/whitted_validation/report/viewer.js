@@ -1,6 +1,7 @@
 // The controls of one pair of pictures.
 
 const MOST_LISTED = 200;
+const MOST_MARKED = 20000; // more than that take long to draw
 const NUMBERS_FROM = 52; // CSS pixels a pixel must measure before numbers are written into it
 const CLOSEST = 128; // CSS pixels a pixel measures at most
 const VERDICTS = ["equal", "explained", "unexplained"];
@@ -13,7 +14,8 @@ class Viewer {
     this.pair = pair;
     this.view = "split"; this.exposure = 0; this.unit = "absolute"; this.divide = 0.5;
     this.chosen = null; this.hovered = null; this.pointers = new Map();
-    this.listed = pair.status ? pair.listed(MOST_LISTED) : pair.listed(20);
+    this.marked = pair.status ? pair.listed(MOST_MARKED) : [];
+    this.listed = pair.status ? this.marked.slice(0, MOST_LISTED) : pair.listed(20);
     element.append(document.getElementById("viewer").content.cloneNode(true));
     this.find = (selector) => element.querySelector(selector);
     this.canvas = this.find("canvas.view");
@@ -22,7 +24,7 @@ class Viewer {
     this.list();
     new ResizeObserver(() => this.resize()).observe(this.find(".canvas"));
     this.resize();
-    this.tell(this.listed.length ? this.listed[0] : 0);
+    tell(this, this.listed.length ? this.listed[0] : 0);
     if (this.listed.length && pair.status) this.choose(this.listed[0], false);
   }
 
@@ -108,16 +110,22 @@ class Viewer {
     this.find(".unequal").hidden = count === 0;
     this.find(".unequal .heading").textContent = !this.pair.status ? "Pixels that differ most"
       : unequal > count ? `The first ${count} of ${unequal} unequal pixels, the worst first` : "Unequal pixels, the worst first";
-    for (const i of this.listed) {
-      const button = document.createElement("button");
-      button.type = "button";
-      button.textContent = `${this.pair.place(i).join(", ")}`;
-      if (this.pair.status) button.className = VERDICTS[this.pair.status[i]];
-      button.addEventListener("click", () => this.choose(i));
-      const item = document.createElement("li");
-      item.append(button);
-      this.find(".unequal ol").append(item);
-    }
+    for (const i of this.listed) this.find(".unequal ol").append(this.button(i));
+    const drawn = this.pair.drawn().filter((i) => !this.listed.includes(i));
+    this.find(".drawn").hidden = drawn.length === 0;
+    for (const i of drawn) this.find(".drawn ol").append(this.button(i));
+  }
+
+  /** Make a button that chooses a pixel, in a list. */
+  button(i) {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.textContent = this.pair.place(i).join(", ");
+    if (this.pair.status) button.className = VERDICTS[this.pair.status[i]];
+    button.addEventListener("click", () => this.choose(i));
+    const item = document.createElement("li");
+    item.append(button);
+    return item;
   }
 
   // ------------------------------------------------------------------------------------ pointers and zoom
@@ -238,12 +246,12 @@ class Viewer {
     this.hovered = null;
     if (i !== null && reveal) this.reveal(i);
     this.draw();
-    this.explain(i);
+    explain(this, i);
   }
 
   refresh() {
     const i = this.hovered ?? this.chosen;
-    if (i !== null && i !== this.told) this.tell(i);
+    if (i !== null && i !== this.told) tell(this, i);
   }
 
   side(x) {
@@ -299,102 +307,16 @@ class Viewer {
     this.makers = {};
     if (this.scale >= NUMBERS_FROM) writeNumbers(context, this);
     if (this.pair.status && view !== "verdict" && this.find(".mark").checked) markUnequal(context, this);
-    if (view === "split") this.drawLine(context, line);
+    if (view === "split") drawLine(context, this, line);
     if (this.chosen !== null) outline(context, this, this.chosen);
     canvas.style.touchAction = this.scale > this.least ? "none" : "pan-y";
     this.find(".for-split").hidden = view !== "split";
     this.find(".for-light").hidden = view === "error" || view === "verdict";
     this.find(".for-error").hidden = view !== "error";
-    this.drawScale(view === "error");
+    this.find(".scale").hidden = view !== "error";
+    if (view === "error") drawScale(this);
     this.refresh();
   }
-
-  drawLine(context, line) {
-    context.fillStyle = "#0008";
-    context.fillRect(line - 1.5, 0, 3, this.tall);
-    context.fillStyle = "#fff";
-    context.fillRect(line - 0.5, 0, 1, this.tall);
-    context.font = "600 13px system-ui, sans-serif";
-    context.textBaseline = "top";
-    for (const [text, at, align] of [["A", line - 9, "right"], ["B", line + 9, "left"]]) {
-      context.textAlign = align;
-      context.lineWidth = 3;
-      context.strokeStyle = "#0009";
-      context.strokeText(text, at, 8);
-      context.fillText(text, at, 8);
-    }
-  }
-
-  drawScale(shown) {
-    this.find(".scale").hidden = !shown;
-    if (!shown) return;
-    const [low, high] = scaleOf(this.pair, this.unit);
-    const unit = this.unit === "ulp" ? " ulp" : "";
-    this.find(".low").textContent = `black: 0. ${(10 ** low).toExponential(0)}${unit}`;
-    this.find(".high").textContent = `${(10 ** high).toExponential(0)}${unit}`;
-    const context = this.find(".ramp").getContext("2d");
-    for (let x = 0; x < 256; x++) {
-      context.fillStyle = `rgb(${ramp(x / 255)})`;
-      context.fillRect(x, 0, 1, 1);
-    }
-  }
-
-  // ----------------------------------------------------------------------------------------- the pixel told
-  tell(i) {
-    const { pair } = this;
-    this.told = i;
-    const [x, y] = pair.place(i);
-    this.find(".place").textContent = `pixel ${x}, ${y}`;
-    const badge = this.find(".badge");
-    badge.textContent = pair.status ? VERDICTS[pair.status[i]] : "";
-    badge.className = `badge ${badge.textContent}`;
-    const row = (body, cells) => {
-      const line = body.insertRow();
-      cells.forEach((text, k) => {
-        const cell = line.insertCell();
-        cell.textContent = text;
-        if (k) cell.className = "number";
-      });
-    };
-    const [values, errors] = [this.find(".values"), this.find(".errors")];
-    values.replaceChildren();
-    errors.replaceChildren();
-    ["red", "green", "blue"].forEach((name, c) => {
-      row(values, [name, digits(pair.a[c][i], 9), digits(pair.exact(i, c), 10)]);
-      const bound = pair.bound.length ? [digits(pair.bound[c][i], 2)] : [];
-      row(errors, [name, digits(pair.error(i, c), 3), brief(pair.ulps(i, c)), ...bound]);
-    });
-    const told = pair.told[`${x},${y}`] ?? "";
-    this.find(".told").textContent = told;
-    const facts = this.find(".facts");
-    facts.replaceChildren();
-    const fact = (name, text) => {
-      const [term, description] = [document.createElement("dt"), document.createElement("dd")];
-      term.textContent = name;
-      description.textContent = text;
-      facts.append(term, description);
-    };
-    for (const [name, { plane, texts }] of Object.entries(pair.labels)) fact(name, texts[plane[i]]);
-    for (const [name, plane] of Object.entries(pair.numbers)) fact(name, String(plane[i]));
-  }
-
-  /** Show the rays of a chosen pixel, where the page holds them. */
-  explain(i) {
-    const place = i === null ? "" : this.pair.place(i).join(",");
-    const explanation = this.pair.explained[place];
-    const section = this.find(".rays");
-    section.hidden = explanation === undefined;
-    this.find(".rays h3").textContent = `The rays of pixel ${place.replace(",", ", ")}`;
-    this.find(".rays div").innerHTML = explanation ?? ""; // escaped where it was made; nothing in it may run
-  }
-}
-
-/** A number with so many significant digits, all of them written, so that columns align. */
-function digits(x, count) {
-  if (!Number.isFinite(x)) return brief(x);
-  const size = Math.abs(x);
-  const text = x === 0 ? "0" : size >= 1e-4 && size < 1e6 ? x.toPrecision(count) : x.toExponential(count - 1);
-  return text.replaceAll("-", "−");
 }
 
 (async () => {

@@ -1,9 +1,9 @@
-"""A pair of pictures to be looked into, pixel by pixel; the rest of it is drawing.js and viewer.js.
+"""A pair of pictures to be looked into, pixel by pixel; the rest of it is viewer.js and what that uses.
 
 A picture goes into the page as the bits of its float32 numbers, so nothing is lost. Neighbours are alike, and
 so are A and B: what is stored is the second difference of the bits across the picture, or their difference from
 A, or the bits themselves, whichever deflates best after its bytes are sorted by their place in the word. What the
-reference knows beyond float32 goes along in sixteenths of float32's spacing, so that errors below it are seen.
+reference knows beyond float32 goes along in eighths of float32's spacing, so that errors below it are seen.
 Errors themselves are computed in the browser.
 """
 
@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 MOST_PIXELS = 1 << 20
 """A larger pair is shown by the worst pixel of each block: a page beyond that is no pleasure to open."""
 
-TAIL = 16  # parts of float32's spacing in which B's remainder is stored
+TAIL = 8  # parts of float32's spacing in which B's remainder is stored
+BOUND_BITS = 6  # two digits are shown
 
 
 @dataclass(frozen=True)
@@ -32,10 +33,9 @@ class Viewer:
     Attributes
     ----------
     a, b : (height, width, 3) floats, linear radiance; B is what A is measured against. A is kept as float32,
-        B to 1/32 of float32's spacing
+        B to 1/16 of float32's spacing
     names : what A and B are
-    bound : (height, width, 3) floats, the largest error that is allowed; kept to 8 bits, unequal pixels as `told`
-        says
+    bound : (height, width, 3) floats, the largest error that is allowed; kept to BOUND_BITS
     status : (height, width), 0 equal, 1 explained, 2 unexplained; None for a comparison without a verdict
     numbers : whole numbers to show of each pixel, such as {"bounces": (height, width)}
     labels : texts to show of each pixel: {"object": ((height, width) indices, texts)}
@@ -73,9 +73,9 @@ class Viewer:
         def shown(plane: NDArray[Any]) -> NDArray[Any]:
             return plane[rows, columns]
 
-        a, b = shown(self.a).astype(np.float32), shown(self.b).astype(np.float64)
+        b = shown(self.b).astype(np.float64)
         with np.errstate(over="ignore"):
-            near = b.astype(np.float32)
+            a, near = shown(self.a).astype(np.float32), b.astype(np.float32)
         planes = {}
         for channel in range(3):
             a_bits, b_bits = _bits(a[..., channel]), _bits(near[..., channel])
@@ -139,10 +139,11 @@ def _tail(exact: NDArray[np.float64], near: NDArray[np.float32]) -> NDArray[np.i
 
 
 def _rounded(plane: NDArray[np.floating]) -> NDArray[np.uint32]:
-    """Round positive numbers to 8 bits, as the upper halves of float32's."""
+    """Round positive numbers to BOUND_BITS significant bits, as float32."""
     with np.errstate(over="ignore"):
         bits = _bits(plane.astype(np.float32))
-    return np.where(np.isfinite(plane), (bits + np.uint32(0x8000)) & np.uint32(0xFFFF0000), bits)
+    step = np.uint32(1 << (24 - BOUND_BITS))
+    return np.where(np.isfinite(plane), (bits + step // 2) & ~(step - 1), bits)
 
 
 def _packed(plane: NDArray[Any], like: NDArray[np.uint32] | None = None) -> list[str]:
@@ -162,4 +163,4 @@ def _sorted(words: NDArray[np.uint32]) -> bytes:
 
 
 def _deflated(data: bytes) -> str:
-    return base64.b64encode(zlib.compress(data, 9)).decode()
+    return base64.b64encode(zlib.compress(data)).decode()

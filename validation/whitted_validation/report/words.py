@@ -22,9 +22,9 @@ def of_everything(scenes: Sequence[Mapping[str, Any]], refused: int, complete: b
     totals = {name: sum(s["pixels"][name] for s in scenes) for name in ("equal", "explained", "unexplained")}
     pixels = sum(totals.values())
     where = _many(len(scenes), "scene")
-    said = f"{_agreeing(totals['equal'], pixels)} in {where}" if scenes else "No scene was judged"
+    said = f"{_agreeing(totals['equal'], pixels)} in {where}" if scenes else "No scene is judged yet"
     if totals["explained"]:
-        said += f"; {totals['explained']:,} differ where rounding may turn a decision"
+        said += f"; {_differ(totals['explained'])} where rounding may turn a decision"
     if totals["unexplained"]:
         bad = sum(s["pixels"]["unexplained"] > 0 for s in scenes)
         said += f"; {_many(totals['unexplained'], 'pixel')} of {_many(bad, 'scene')} differ without an explanation"
@@ -42,14 +42,15 @@ def of_scene(scene: Mapping[str, Any], differences: Sequence[Difference]) -> str
     if explained:
         places = Counter(place(d.reasons[0]) for d in explained).most_common()
         if len(places) == 1:
-            share = "" if len(explained) == 1 else "all "
+            share = {1: "", 2: "both "}.get(len(explained), "all ")
             said += f"; {_differ(len(explained))}, {share}{places[0][0]}"
         else:
             named = [f"{count:,} {where}" for where, count in places[:MOST_PLACES]]
             rest = sum(count for _, count in places[MOST_PLACES:])
             said += f"; {_differ(len(explained))}: " + ", ".join(named + [f"{rest:,} elsewhere"] * (rest > 0))
     if counts["unexplained"]:
-        said += f"; {_differ(counts['unexplained'])} without an explanation: a fault in one of the two programs"
+        said += f"; {_differ(counts['unexplained'])} without an explanation"
+        said += "" if scene["against"] else ": a fault in one of the two programs"
     return said + "."
 
 
@@ -76,8 +77,10 @@ def place(reason: str) -> str:
     return f"on {'an' if kind[0] in 'aeiou' else 'a'} {kind} of `{shape}`{mirrored}"
 
 
-def why(difference: Difference) -> str:
-    """Answer a student's question: why the two differ here."""
+def why(difference: Difference, finite: bool = True) -> str:
+    """Answer a student's question: why the two differ here; `finite` tells whether A is made of numbers."""
+    if not finite:
+        return "Unexplained. A is infinite or no number here; the reference is finite."
     if difference.status == Status.UNEXPLAINED:
         tried = difference.alternatives - 1
         looked = (
@@ -86,8 +89,9 @@ def why(difference: Difference) -> str:
             else f"{_many(tried, 'other way')} to decide within rounding {'was' if tried == 1 else 'were'} tried, and "
             "none gives A's colour"
         )
+        again = f" B was computed again in {difference.settled_by}, and stands." if difference.settled_by else ""
         whole = "" if difference.complete else " (the search stopped at its limit)"
-        return f"Unexplained. A and B differ by more than rounding may make of this pixel, and {looked}{whole}."
+        return f"Unexplained. A and B differ by more than rounding may make of this pixel, and {looked}{whole}.{again}"
     if any(_REASON.fullmatch(reason) for reason in difference.reasons):
         where = ", and ".join(place(reason) for reason in difference.reasons)
         return (
@@ -100,12 +104,8 @@ def why(difference: Difference) -> str:
 def _agreeing(equal: int, pixels: int) -> str:
     if equal == pixels:
         return f"All {pixels:,} pixels agree within their bound"
-    # Rounded down, to as many digits as keep it below 100 %.
-    digits = 2
-    while digits < 6 and int(equal * 10 ** (digits + 2) / pixels) == 10 ** (digits + 2):
-        digits += 1
-    share = equal * 10 ** (digits + 2) // pixels / 10**digits
-    return f"{share:.{digits}f} % of {pixels:,} pixels agree within their bound"
+    share = equal * 10_000 // pixels / 100  # rounded down: 100 % is said of all alone
+    return f"{share:.2f} % of {pixels:,} pixels agree within their bound"
 
 
 def _differ(count: int) -> str:
