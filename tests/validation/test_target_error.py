@@ -40,7 +40,7 @@ def test_a_grid_on_the_command_line_comes_before_a_target_in_the_scene(tmp_path)
       </sensor><shape type="sphere"><point name="center" value="0,0,5"/></shape>
       <emitter type="constant"/></scene>"""
     pictures = []
-    for parameter in ("", '<float name="target_error" value="0.1"/>'):
+    for parameter in ("", '<float name="target_error" value="0.001"/>'):
         scene.write_text(text.format(parameter))
         assert run(["render", str(scene), "--grid", "2", "-o", str(tmp_path / "picture.npy")]) == 0
         pictures.append(np.load(tmp_path / "picture.npy"))
