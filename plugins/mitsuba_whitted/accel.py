@@ -11,6 +11,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from mitsuba_whitted.meshes import triangles_of
 from mitsuba_whitted.ray import Found, Ray
 from mitsuba_whitted.scene_graph import SceneGraph, registry_number
 from mitsuba_whitted.tables import fetch, index_column
@@ -75,6 +76,7 @@ class Accel:
         its ``ray_intersect_preliminary`` moves the origin close first.
         """
         shifted, _ = ray.from_shifted()
+        active = active & (shifted.maxt > 0)  # of a ray that ends before it begins ray_test says that it is blocked
         if self._round:
             return self._scene.ray_intersect_preliminary(shifted, coherent=True, active=active).is_valid()
         return self._scene.ray_test(shifted, coherent=True, active=active)
@@ -128,8 +130,7 @@ def _world_triangles(graph: SceneGraph, mesh: mi.Shape, to_world: Matrix) -> tup
         vertices = np.array([[-1, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]], float)
         faces = np.array([[0, 1, 2], [2, 1, 3]], np.uint32)
     else:
-        vertices = np.array(graph.value(mesh, "vertex_positions"), float).reshape(-1, 3)
-        faces = np.array(graph.value(mesh, "faces"), np.uint32).reshape(-1, 3)
+        vertices, faces = triangles_of(graph, mesh)
     return vertices @ to_world[:3, :3].T + to_world[:3, 3], faces
 
 

@@ -15,11 +15,14 @@ middle of the scene come from the steps of a hit, an offset and a shadow ray any
 w = 16 s nothing would be gained.
 """
 
+NEARER = 25
+"""Per cent of the shapes that the distance from the middle is read from: a few that are far off do not count."""
+
 
 def centre_of(graph: SceneGraph) -> NDArray[np.float64]:
     """Find the point, of float32 numbers, that is to be the origin: the middle of the scene, or (0, 0, 0).
 
-    The median of the middles of all shapes, so that one huge floor does not hide how far off the rest is. The
+    The median of the middles of all shapes, so that a huge floor does not hide how far off the rest is. The
     difference of float32 numbers within a factor of two of one another is exact (Sterbenz 1974): what stands
     near the centre is moved without a rounding.
     """
@@ -28,5 +31,6 @@ def centre_of(graph: SceneGraph) -> NDArray[np.float64]:
     if not len(corners) or not np.isfinite(corners).all():
         return np.zeros(3)
     middle = np.median(corners.mean(axis=1), axis=0).astype(np.float32).astype(float)
-    from_origin, from_middle = (np.median(np.abs(corners - at).max(axis=(1, 2))) for at in (np.zeros(3), middle))
+    from_origin = np.median(np.abs(corners).max(axis=(1, 2)))
+    from_middle = np.percentile(np.abs(corners - middle).max(axis=(1, 2)), NEARER)
     return middle if from_origin > WORTHWHILE * from_middle else np.zeros(3)

@@ -48,33 +48,17 @@ def expose(film: mi.Film, n: int, draw: Draw, progress: Progress | None = None) 
     TensorXf
         (height, width, channels) of the crop window; the channels are the film's.
     """
-    width, height = (int(size) for size in film.crop_size())
-    box = _is_box(film.rfilter())
-    canvas = _Canvas(film)
-    at_once = SAMPLES_BETWEEN_REPORTS if progress else SAMPLES_AT_ONCE
-    rows = _rows_at_once(width, height, n, at_once)
-    for top in range(0, height, rows):
-        bottom = min(top + rows, height)
-        if box and n == 1 and dr.is_jit_v(mi.Float):
-            pixel, x, y, inside = _tiles(width, top, bottom)
-            canvas.put(pixel, _planes(*draw(x + 0.5, y + 0.5, inside)), inside)
-        elif box:
-            canvas.put_rows(top, means(_samples(width, top, bottom, n, draw), n))
-        else:
-            margin = math.ceil(float(film.rfilter().radius()) - 0.5)
-            above, below = max(0, top - margin), min(height, bottom + margin)
-            samples = _samples(width, above, below, n, draw)
-            filtered = _filtered(np.array(samples).reshape(-1, below - above, width, n, n), film.rfilter())
-            canvas.put_rows(top, filtered[:, top - above : bottom - above])
+    height = int(film.crop_size()[1])
+    canvas = _Canvas(film, 0, height)
+    for top, bottom in _bands(film, n, SAMPLES_BETWEEN_REPORTS if progress else SAMPLES_AT_ONCE):
+        _draw_band(canvas, film, n, draw, top, bottom)
         canvas.start()
         if progress:
             progress(bottom, height)
     return canvas.finish()
 
 
-def expose_to(
-    film: mi.Film, target: float, look: Look, progress: Progress | None = None
-) -> mi.TensorXf:
+def expose_to(film: mi.Film, target: float, look: Look, progress: Progress | None = None) -> mi.TensorXf:
     """Draw the crop window of `film` with a root mean square error of about `target` at most.
 
     Returns
@@ -95,10 +79,8 @@ def expose_to(
     if not dr.is_jit_v(mi.Float):
         raise SceneError(f"target_error needs a variant that begins with llvm or cuda; {mi.variant()} is none")
     width, height = (int(size) for size in film.crop_size())
-    canvas = _Canvas(film)
-    rows = _rows_at_once(width, height, 1, PIXELS_REFINED_AT_ONCE)
-    for top in range(0, height, rows):
-        bottom = min(top + rows, height)
+    canvas = _Canvas(film, 0, height)
+    for top, bottom in _bands(film, 1, PIXELS_REFINED_AT_ONCE):
         band = antialias.refined(look, width, top, bottom, target)
         red, green, blue, alpha = band.colour
         colour = [red, green, blue][: dr.size_v(mi.Spectrum)]
@@ -109,13 +91,47 @@ def expose_to(
     return canvas.finish()
 
 
+def expose_in_bands(film: mi.Film, n: int, draw: Draw) -> Iterator[tuple[int, NDArray[np.float32]]]:
+    """Draw the same bytes band by band, top down: number of the first row, and rows (n, width, channels).
+
+    The film gets nothing, and no more than a band is held.
+    """
+    for top, bottom in _bands(film, n, SAMPLES_BETWEEN_REPORTS):
+        canvas = _Canvas(film, top, bottom)
+        _draw_band(canvas, film, n, draw, top, bottom)
+        yield top, np.array(canvas.picture())
+
+
+def _bands(film: mi.Film, n: int, samples: int) -> Iterator[tuple[int, int]]:
+    """First row of each band of about so many samples, and the row after its last."""
+    width, height = (int(size) for size in film.crop_size())
+    rows = _rows_at_once(width, height, n, samples)
+    for top in range(0, height, rows):
+        yield top, min(top + rows, height)
+
+
+def _draw_band(canvas: _Canvas, film: mi.Film, n: int, draw: Draw, top: int, bottom: int) -> None:
+    """Draw some rows onto a canvas that has them."""
+    width, height = (int(size) for size in film.crop_size())
+    box = _is_box(film.rfilter())
+    if box and n == 1 and dr.is_jit_v(mi.Float):
+        pixel, x, y, inside = _tiles(width, top, bottom)
+        canvas.put(pixel, _planes(*draw(x + 0.5, y + 0.5, inside)), inside)
+    elif box:
+        canvas.put_rows(top, means(_samples(width, top, bottom, n, draw), n))
+    else:
+        margin = math.ceil(float(film.rfilter().radius()) - 0.5)
+        above, below = max(0, top - margin), min(height, bottom + margin)
+        samples = _samples(width, above, below, n, draw)
+        filtered = _filtered(np.array(samples).reshape(-1, below - above, width, n, n), film.rfilter())
+        canvas.put_rows(top, filtered[:, top - above : bottom - above])
+
+
 def totals(film: mi.Film, n: int, count: Callable[[Any, Any, Any], tuple[Any, ...]]) -> list[int]:
     """Sum up what `count` finds for each sample of the crop window: UInt32 numbers for x, y and a mask."""
-    width, height = (int(size) for size in film.crop_size())
-    rows = _rows_at_once(width, height, n, SAMPLES_AT_ONCE)
+    width = int(film.crop_size()[0])
     sums: list[int] = []
-    for top in range(0, height, rows):
-        bottom = min(top + rows, height)
+    for top, bottom in _bands(film, n, SAMPLES_AT_ONCE):
         if dr.is_jit_v(mi.Float):
             found = count(*_sub_pixels(width, top, bottom, n), mi.Bool(True))
             dr.eval(found)
@@ -252,11 +268,13 @@ def _weight(rfilter: mi.ReconstructionFilter, x: float) -> float:
 
 
 class _Canvas:
-    """The picture under work."""
+    """The picture under work, or the rows of it from `top` to before `bottom`."""
 
-    def __init__(self, film: mi.Film) -> None:
+    def __init__(self, film: mi.Film, top: int, bottom: int) -> None:
         self._film = film
-        self._width, self._height = (int(size) for size in film.crop_size())
+        self._width, self._height = int(film.crop_size()[0]), bottom - top
+        self._top = top
+        self._first = opaque(mi.UInt32(top * self._width))
         self._alpha = bool(film.flags() & +mi.FilmFlags.Alpha)
         self._colours = dr.size_v(mi.Spectrum)
         self._channels = self._colours + self._alpha
@@ -270,13 +288,14 @@ class _Canvas:
     def put(self, pixel: Any, planes: list[Any], active: Any) -> None:
         """Store the channels of the pixels with these numbers."""
         for i, plane in enumerate(planes[: self._channels]):
-            to = pixel * self._channels + i
+            to = (pixel - self._first) * self._channels + i
             dr.scatter(self._buffer, mi.Float(plane), to, active, mode=dr.ReduceMode.Permute)
 
     def put_rows(self, top: int, planes: Any) -> None:
         """Store whole rows from `top` on, given as (channels, pixel)."""
         first, count = top * self._width, math.prod(planes.shape) // (self._colours + 1)
         if not dr.is_jit_v(mi.Float):
+            first -= self._top * self._width
             self._buffer[first : first + count] = np.reshape(planes, (-1, count))[: self._channels].T
             return
         flat = mi.Float(np.ravel(planes)) if isinstance(planes, np.ndarray) else planes
@@ -288,11 +307,14 @@ class _Canvas:
         """Start the kernels of what has been put so far."""
         dr.eval(self._buffer)
 
+    def picture(self) -> mi.TensorXf:
+        """Return what has been put, (rows, width, channels)."""
+        shape = self._height, self._width, self._channels
+        return mi.TensorXf(self._buffer, shape) if dr.is_jit_v(mi.Float) else mi.TensorXf(self._buffer.reshape(shape))
+
     def finish(self) -> mi.TensorXf:
-        """Hand the picture to the film, and return it."""
-        size = self._height, self._width
-        flat = self._buffer if dr.is_jit_v(mi.Float) else self._buffer.reshape(*size, -1)
-        picture = mi.TensorXf(flat, (*size, self._channels)) if dr.is_jit_v(mi.Float) else mi.TensorXf(flat)
+        """Hand the whole picture to the film, and return it."""
+        picture = self.picture()
         block = mi.ImageBlock(self._film.crop_size(), self._film.crop_offset(), 4 + self._alpha, border=False)
         contents = block.tensor()
         contents += self._stored()  # onto zeros, which Dr.Jit drops: nothing is evaluated or copied

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
 
 from mitsuba_whitted import film
 from mitsuba_whitted.camera import Camera, any_ray
@@ -173,6 +176,25 @@ def define() -> type[mi.SamplingIntegrator]:
             if evaluate:
                 dr.sync_thread()
             return picture if develop else mi.TensorXf()
+
+        def render_in_bands(
+            self, scene: mi.Scene, sensor: mi.Sensor | int = 0, spp: int = 0
+        ) -> Iterator[tuple[int, NDArray[np.float32]]]:
+            """Draw band by band, for pictures larger than memory: number of the first row, and (rows, width, channels).
+
+            The bytes are those of `render`; the film is left alone.
+            """
+            if self.settings.target_error:
+                raise SceneError("target_error cannot be drawn band by band; set it to 0")
+            sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
+            stage, camera, plan = self._prepare(scene, sensor)
+
+            def draw(x: Any, y: Any, active: Any) -> tuple[Any, Any]:
+                with dr.suspend_grad():  # type: ignore[no-untyped-call]
+                    traced = trace(stage, plan, camera.rays(x, y), active)
+                return traced.colour, traced.hit
+
+            yield from film.expose_in_bands(sensor.film(), self._grid(sensor, spp), draw)
 
         def sample(
             self, scene: mi.Scene, sampler: mi.Sampler, ray: Any, medium: Any = None, active: Any = True

@@ -23,13 +23,17 @@ class MeshHit(NamedTuple):
     n_g: Any
     uv: Any
     sign: Any
+    reach: Any
+    """As of `Hit`, but of the triangle alone."""
 
 
 class Meshes:
     """Vertices, faces and face normals of all meshes, and the refined hit on one of their triangles.
 
     A face's normal is computed in float64 at load: from float32 edges it would be wrong by u times the aspect
-    ratio of the triangle. Vertices of face f of shape s are at ``faces[3 (first_face[s] + f) ...]``.
+    ratio of the triangle. So it is in Embree, and a ray that leaves has to begin that much further off: each
+    face keeps its own reach, and a large mesh of small triangles leaks no light for its size. Vertices of face f
+    of shape s are at ``faces[3 (first_face[s] + f) ...]``.
     """
 
     def __init__(self, graph: SceneGraph, shapes: list[mi.Shape], origins: list[NDArray[np.float64]]) -> None:
@@ -52,7 +56,7 @@ class Meshes:
         self._rows = index_column(rows)
         self._faces = stored(mi.UInt32, np.concatenate(faces))
         self._positions = stored(mi.Float, np.concatenate([part.positions for part in meshes]))
-        self._face_normals = stored(mi.Float, np.concatenate([part.face_normals for part in meshes]))
+        self._planes = stored(mi.Float, np.concatenate([part.planes() for part in meshes]))
         if self.smooth:
             self._normals = stored(mi.Float, np.concatenate([part.padded(part.normals, 3) for part in meshes]))
         self._has_texcoords = any(len(part.texcoords) for part in meshes)
@@ -65,7 +69,8 @@ class Meshes:
         flags = row.y
         face = row.x + face
         corner = fetch(mi.Vector3u, self._faces, face, active)
-        n_g = fetch(mi.Normal3f, self._face_normals, face, active)
+        plane = fetch(mi.Vector4f, self._planes, face, active)
+        n_g = mi.Normal3f(plane.xyz)
         v0 = fetch(mi.Point3f, self._positions, corner.x, active)
         p = mi.Point3f(precise.plane_point(o, d, v0, n_g))
         n, uv = n_g, mi.Point2f(0)
@@ -83,7 +88,8 @@ class Meshes:
             if self._has_texcoords:
                 uv_i = [fetch(mi.Point2f, self._texcoords, corner[i], active) for i in range(3)]
                 uv = dr.select((flags & _TEXCOORDS) != 0, _interpolate(beta, gamma, *uv_i), uv)
-        return MeshHit(p, n, n_g, uv, dr.select((flags & _FLIPPED) != 0, mi.Float(-1), mi.Float(1)))
+        sign = dr.select((flags & _FLIPPED) != 0, mi.Float(-1), mi.Float(1))
+        return MeshHit(p, n, n_g, uv, sign, mi.Vector3f(plane.w * dr.abs(n_g)))  # sum |n_i| reach_i = plane.w
 
 
 _SMOOTH, _TEXCOORDS, _FLIPPED = 1, 2, 4
@@ -116,11 +122,13 @@ class _Part:
                     "they must be finite"
                 )
         self.face_normals = self._face_normals()
+        if type(mesh).__name__ == "Polygon":
+            self.positions, n = flattened(self.positions, self.normals, self.faces)
+            self.face_normals = np.broadcast_to(n, self.face_normals.shape)
+            self.normals = self.normals[:0]
         if origin.any():  # else a large mesh would be copied for nothing
             self.positions = self.positions - origin
-        if type(mesh).__name__ == "Polygon":
-            self._flatten()
-        self.positions = self.positions.astype(np.float32)
+        self.positions = self.positions.astype(np.float32, copy=False)
         self.flags = (
             _SMOOTH * bool(len(self.normals))
             + _TEXCOORDS * bool(len(self.texcoords))
@@ -138,17 +146,43 @@ class _Part:
         unit: NDArray[np.float64] = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
         return unit  # zero for a triangle of no area, which no ray hits
 
-    def _flatten(self) -> None:
-        """Put all of a polygon on its one plane: through its first vertex, with the normal of every corner.
+    def planes(self) -> NDArray[np.float64]:
+        """Give the normal of each face and its reach along that, (n, 4): see `precise.ray_offset`.
 
-        Mitsuba computes the normals anew when vertices are edited, but not that of the first, which has no face.
+        The reach is sum |n_i| max |v_i|, or what Embree's plane is off where that is more: a component
+        e_j f_k - e_k f_j of the normal, from edges e and f, rounds by up to 4 u (|e_j f_k| + |e_k f_j|), each
+        product three times and the difference once, and that tilts the plane over the extent of the triangle.
         """
-        a, n = self.positions[0].astype(np.float64), self.normals[self.faces[0, 0]].astype(np.float64)
-        n /= np.linalg.norm(n)
-        off = (self.positions - a) @ n
-        self.positions = self.positions - off[:, None] * n
-        self.face_normals = np.broadcast_to(n, self.face_normals.shape)
-        self.normals = self.normals[:0]
+        corners = self.positions.astype(np.float64)[self.faces]
+        e, f = np.abs(corners[:, 1] - corners[:, 0]), np.abs(corners[:, 2] - corners[:, 0])
+        i, j, k = np.array([0, 1, 2]), np.array([1, 2, 0]), np.array([2, 0, 1])
+        products = e[:, j] * f[:, k] + e[:, k] * f[:, j]
+        double_area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        tilt = (np.ptp(corners, axis=1)[:, i] * products).sum(axis=1)
+        tilt = np.divide(tilt, double_area, out=np.zeros_like(tilt), where=double_area > 0)
+        off = (np.abs(self.face_normals) * np.abs(corners).max(axis=1)).sum(axis=1)
+        return np.column_stack([self.face_normals, np.maximum(off, tilt)])
+
+
+def triangles_of(graph: SceneGraph, mesh: mi.Mesh) -> tuple[NDArray[Any], NDArray[np.uint32]]:
+    """Vertices of a mesh, those of a polygon on its plane, and its faces."""
+    positions = _buffer(graph, mesh, "vertex_positions", np.float32, 3)
+    faces = _buffer(graph, mesh, "faces", np.uint32, 3)
+    if type(mesh).__name__ == "Polygon":
+        positions, _ = flattened(positions, _buffer(graph, mesh, "vertex_normals", np.float32, 3), faces)
+    return positions, faces
+
+
+def flattened(
+    positions: NDArray[Any], normals: NDArray[Any], faces: NDArray[Any]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Put all of a polygon on its one plane: through its first vertex, with the normal of every corner.
+
+    Mitsuba computes the normals anew when vertices are edited, but not that of the first, which has no face.
+    """
+    a, n = positions[0].astype(np.float64), normals[faces[0, 0]].astype(np.float64)
+    n /= np.linalg.norm(n)
+    return positions - ((positions - a) @ n)[:, None] * n, n
 
 
 def _buffer(graph: SceneGraph, mesh: mi.Mesh, name: str, kind: Any, width: int) -> NDArray[Any]:

@@ -138,6 +138,9 @@ class Surfaces:
             n_g = dr.select(here, on_mesh.n_g, n_g)
             uv = dr.select(here, on_mesh.uv, uv)
             sign = dr.select(here, on_mesh.sign, sign)
+            # Where an instance turns the shape, coordinates along a face come to count across it.
+            own_reach = dr.maximum(on_mesh.reach, reach) if self.instances else on_mesh.reach
+            reach = dr.select(here, own_reach, reach)
 
         n, n_g = n * sign, n_g * sign
         if self.instances:

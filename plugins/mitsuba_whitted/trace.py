@@ -198,7 +198,7 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
 
     k_m = coefficient(stage.materials.k_m)
     throughput = chain.throughput * k_m
-    r = mi.Vector3f(dr.normalize(dr.fma(-2 * dr.dot(ray.d, n), n, ray.d)))
+    r = mi.Vector3f(precise.mirrored(ray.d, n))
     goes_on = lit & dr.any(throughput != 0) & (dr.dot(n_g, r) > 0)
     # Only with max_depth = -1 the two limits can end a chain: see Stage.
     passes = (depth <= stage.last_ray) & dr.any(throughput >= stage.least_throughput)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import subprocess
@@ -14,9 +15,10 @@ import numpy as np
 import pytest
 
 from mitsuba_whitted import LIBLLVM
-from whitted_validation.benchmark import scenes
+from whitted_validation.benchmark import scenes, speed
 from whitted_validation.benchmark.speed import Measured, Results, Row
 from whitted_validation.benchmark.speed_configurations import BY_NAME, CONFIGURATIONS, Unavailable, _replace
+from whitted_validation.benchmark.speed_memory import draw_large
 from whitted_validation.benchmark.speed_native import with_native_materials
 from whitted_validation.benchmark.speed_pairs import CONFIDENCE, Comparison, Interval, compare, interval
 from whitted_validation.benchmark.speed_start import BARE, CACHE, timed
@@ -167,6 +169,19 @@ print(len(changes))
 
 
 @needs_llvm
+@pytest.mark.slow
+def test_what_is_put_back_leaves_every_byte_of_the_picture_as_it_was(tmp_path: Path) -> None:
+    # Embree's search is other arithmetic: what stands in its place is judged by the verdicts of `whitted validate`.
+    file = scenes.write("a", tmp_path)
+    with Worker("planned", file, 32) as planned:
+        picture = planned.ask("pixels")
+    for configuration in CONFIGURATIONS:
+        if configuration.family == "skip" and configuration.name not in ("embree", "hybrid"):
+            with Worker(configuration.name, file, 32) as worker:
+                assert np.array_equal(worker.ask("pixels"), picture), configuration.name
+
+
+@needs_llvm
 def test_compiled_kernels_go_to_the_private_cache(tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     cache.mkdir()
@@ -177,6 +192,27 @@ def test_compiled_kernels_go_to_the_private_cache(tmp_path: Path) -> None:
 def test_a_command_that_fails_is_no_sample() -> None:
     with pytest.raises(Failed, match="code 3"):
         timed(["-c", "raise SystemExit(3)"], {})
+
+
+@needs_llvm
+def test_a_process_that_takes_too_much_memory_is_stopped_and_leaves_no_file(tmp_path: Path) -> None:
+    file = scenes.write("d", tmp_path)
+    before = set(tmp_path.iterdir())
+    assert not draw_large(file, tmp_path, 64, 1e6).stopped
+    stopped = draw_large(file, tmp_path, 64, 1.0)
+    assert stopped.stopped
+    assert stopped.peak_mb > 2
+    assert set(tmp_path.iterdir()) == before
+
+
+@needs_llvm
+def test_a_random_scene_is_drawn_alike_by_both_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(speed, "RANDOM_SIZE", 32)
+    row = speed._random(0, dataclasses.replace(speed.QUICK, pairs=1, tick=1.0), tmp_path)
+    assert row.note == ""
+    assert row.off == 0
+    assert row.facts is not None
+    assert row.facts.side == 32
 
 
 # --------------------------------------------------------------------------------------------- the bare rays

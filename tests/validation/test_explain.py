@@ -246,6 +246,19 @@ def test_after_the_parting_each_program_goes_alone(tmp_path: Path, llvm_ad_rgb: 
     assert list(partings(rays)) == ["ray 0: the plugin meets `roof`, the reference `floor`"]
 
 
+def test_one_program_may_meet_a_lit_surface_where_the_other_meets_nothing(tmp_path: Path, llvm_ad_rgb: str) -> None:
+    """Such is a pixel on an outline."""
+    lit, missed = (
+        explain(scene(tmp_path, body), 2, 2, variant=llvm_ad_rgb)
+        for body in (floor() + lamp("0, -3, 3") + BALL, BALL + lamp("0, -3, 3"))
+    )
+    for ours, theirs in ((lit.plugin, missed.reference), (missed.plugin, lit.reference)):
+        mixed = dataclasses.replace(lit, plugin=ours, reference=theirs)
+        assert "light `lamp` shines here" in str(mixed)
+        assert "close: `lamp` is 45° above the horizon" in str(mixed)
+        assert "inf" not in str(mixed)
+
+
 @pytest.mark.parametrize(
     ("at", "said"),
     [
@@ -313,6 +326,8 @@ def test_the_colour_is_shown_to_the_last_digit_of_float32(tmp_path: Path, llvm_a
         ((1.0, 2.0**-23), (1.0, 0.0), 1.0),  # of the largest component
         ((math.inf,), (math.inf,), 0.0),
         ((0.0,), (2.0**-149,), 1.0),  # the least number of all
+        ((1.0,), (0.0,), 2.0**23),  # the plugin's, if that is the larger
+        ((1.0,), (math.inf,), math.inf),
         ((0.0,), (0.0,), 0.0),
     ],
 )

@@ -38,9 +38,6 @@ CASES = {f"{case.family}: {case.name}": case for case in suite.cases(quick=True)
 
 KNOWN = {
     "closed meshes: aimed at vertices": "Embree's edge tests are not exact at a vertex: twice as many slip through",
-    "slivers: width 0.01 of the length": "the offset does not know that Embree's error grows with 1 / width",
-    "slivers: width 0.0001 of the length": "the same: it takes 100 times the offset",
-    "mirror chains: inside a ball, scale 1e-06": "the angle drifts with n = v / |v|; n = v / r, tried, leaves 3e-5",
     "mirror chains: picture between four balls": "the verdict gives up after 64 alternatives of a pixel",
     "refused input: spot of no width": "the reference takes cutoff_angle 0, the plugin does not",
 }
@@ -155,7 +152,7 @@ FAULTS: dict[str, tuple[Policy, list[str]]] = {
     ),
     "points of balls as far as t": (
         patched((precise, "sphere_normal", lambda _: lambda o, d, c, r, t: (dr.fma(t, d, o) - c) / r)),
-        ["mirror chains: inside a ball, scale 1", "shadow acne: sphere, seen from 10 000 radii"],
+        ["shadow acne: sphere, seen from 10 000 radii"],
     ),
     "points a hundred-thousandth off their plane": (
         patched((precise, "plane_point", lambda f: lambda o, d, a, n: f(o, d, a, n) + 1e-5 * n)),

@@ -76,7 +76,7 @@ QUICK = Schedule(
 
 FULL = Schedule(
     {"a": (*_of("control"), *_RIVALS, *_SLOW), **dict.fromkeys(("b", "c", "d", "e", "f", "g", MIXED), _RIVALS)},
-    dict.fromkeys("abc", _of("skip", "remedy")),
+    {**dict.fromkeys("abc", _of("skip", "remedy")), "d": _of("skip")},
     1024,
     9,
     0.02,

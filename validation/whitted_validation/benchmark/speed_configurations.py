@@ -234,7 +234,6 @@ CONFIGURATIONS = (
     Configuration("hybrid", "skip", "few balls through Embree, few rectangles not", _whitted, (_EMBREE_FOR_BALLS,)),
     Configuration("casters", "skip", "shadow rays try what can throw no shadow", _whitted, (_ALL_CAST,)),
     Configuration("loop", "skip", "the loop over mirror bounces, without mirrors", _whitted, (_THE_LOOP,)),
-    Configuration("highlight", "skip", "highlight and power, without any k_s", _whitted, (_HIGHLIGHT,)),
     Configuration("backs", "skip", "the back of surfaces, though none is two-sided", _whitted, (_BACKS,)),
     Configuration("emission", "skip", "glowing surfaces, though none glows", _whitted, (_EMISSION,)),
     Configuration("inside", "skip", "rays that might begin inside a ball", _whitted, (_INSIDE,)),

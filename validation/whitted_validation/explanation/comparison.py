@@ -26,16 +26,17 @@ class Pair:
 
     @property
     def ulps(self) -> float:
-        """Distance in units in the last place of float32, at the largest component of the reference."""
+        """Distance in units in the last place of float32, at the largest component of either."""
         if self.plugin is None or self.reference is None:
             return math.nan
         a, b = np.broadcast_arrays(np.array(self.plugin, float), np.array(self.reference, float))
         different = a != b  # infinities of one sign are equal
         if not different.any():
             return 0.0
-        largest = np.float32(max(np.abs(b).max(), np.finfo(np.float32).tiny))
+        largest = np.float32(max(np.abs(a).max(), np.abs(b).max(), np.finfo(np.float32).tiny))
         unit = float(np.spacing(largest)) if np.isfinite(largest) else math.inf
-        return float(np.abs(a - b)[different].max() / unit)
+        apart = float(np.abs(a - b)[different].max())
+        return apart / unit if np.isfinite(apart) else apart
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ def light_pair(ours: LightSeen | None, theirs: LightSeen | None, label: str, nam
 def _numbers(owner: object | None, name: str) -> Numbers | None:
     value = None if owner is None else getattr(owner, name)
     if isinstance(value, float):
-        return (value,)
+        return (value,) if value < math.inf or math.isnan(value) else None  # nothing was met there
     return value or None
 
 

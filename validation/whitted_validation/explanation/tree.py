@@ -93,8 +93,8 @@ def _shading(ray: Ray, closeness: Closeness) -> Iterator[Pair | Branch | str]:
 
 def _light(ray: Ray, ours: LightSeen | None, theirs: LightSeen | None, closeness: Closeness) -> Branch:
     seen = [(side, light) for side, light in ((ray.plugin, ours), (ray.reference, theirs)) if side and light]
-    fates = [status(side, light) for side, light in seen]
-    light = seen[-1][1]
+    fates = [status(hit, light) for hit, light in seen]
+    side, light = seen[-1]  # the ray of this program has met something here, which the other's may have missed
     if len(set(fates)) == 1:
         words = f"is in the shadow of {named(light.blocked_by)}" if fates[0] == "is blocked" else fates[0]
         title = f"light {named(light.id)} {words}"
@@ -113,12 +113,12 @@ def _light(ray: Ray, ours: LightSeen | None, theirs: LightSeen | None, closeness
     if shines:
         branch.items.append(row("light arriving I", "irradiance"))
         branch.items.append(row("k_d I (n.l)", "diffuse"))
-        if any(any(side.k_s) for side, _ in seen):
+        if any(any(hit.k_s) for hit, _ in seen):
             branch.items += [row("half vector h", "h"), row("n.h", "n_h")]
-            branch.items.append(row(f"k_s I (n.h)^{ray.any.exponent:g}", "specular"))
+            branch.items.append(row(f"k_s I (n.h)^{side.exponent:g}", "specular"))
         branch.items.append(row("adds", "colour"))
     if shines or "is blocked" in fates:
-        branch.items += [f"close: {call.words}" for call in closeness.of_light(ray.any, light)]
+        branch.items += [f"close: {call.words}" for call in closeness.of_light(side, light)]
     return branch
 
 

@@ -1,0 +1,20 @@
+"""What one mirror gets wrong, sixty-four must not get wrong together."""
+
+from __future__ import annotations
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_whitted import precise
+
+
+def test_a_normal_that_is_not_quite_a_unit_vector_turns_no_mirror_ray(llvm_ad_rgb: str) -> None:
+    # d - 2 (d.n) n of an n too long by a factor 1 + s is turned by up to 2 s; here s = 2^-10, and float32 would do.
+    rng = np.random.default_rng(5)
+    n, d = (rng.normal(size=(3, 4096)) for _ in range(2))
+    n, d = (v / np.linalg.norm(v, axis=0) for v in (n, d))
+    exact = d - 2 * (d * n).sum(axis=0) * n
+    r = precise.mirrored(mi.Vector3f(d), mi.Vector3f(n * (1 + 2.0**-10)))
+    # Roundings: of d and n 2, of d.n and n.n 3 each, their quotient, the sum and the unit vector 5; doubled where
+    # they are in 2 (d.n) n.
+    assert np.abs(np.array(r) - exact).max() <= 24 * 2.0**-24
