@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 from whitted_validation.load import Loaded
 
 
-def switch(loaded: Loaded, switches: Mapping[str, bool]) -> None:
-    """Set switches of the integrator, such as ``enable_shadows``, whatever the scene says."""
+def switch(loaded: Loaded, switches: Mapping[str, Any]) -> None:
+    """Set parameters of the integrator, such as ``enable_shadows``, whatever the scene says."""
     loaded.integrator.settings = dataclasses.replace(loaded.integrator.settings, **switches)
 
 
