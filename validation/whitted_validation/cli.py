@@ -163,7 +163,8 @@ def render(
 
     drawing.switch(loaded, switches)
     with _progress(picture_file.name) as progress, drawing.Stopwatch() as kernels:
-        if picture_file.suffix.lower() == ".npy":  # grows on disk, however large it gets
+        if picture_file.suffix.lower() == ".npy" and not loaded.integrator.settings.target_error:
+            # It grows on disk, however large it gets.
             height = int(loaded.sensor.film().crop_size()[1])
             picture_files.write_bands(picture_file, height, drawing.bands(loaded, grid, progress))
         else:
