@@ -11,6 +11,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from mitsuba_whitted import antialias
+from mitsuba_whitted.cells import Look
+from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.scene_graph import number
 from mitsuba_whitted.tables import opaque
 
@@ -22,6 +25,9 @@ SAMPLES_AT_ONCE = 1 << 24
 
 SAMPLES_BETWEEN_REPORTS = 1 << 20
 """The same where somebody watches the progress."""
+
+PIXELS_REFINED_AT_ONCE = 1 << 18
+"""Pixels refined in one band. A pixel in clutter may hold a thousand cells, of some 40 bytes each."""
 
 Draw = Callable[[Any, Any, Any], tuple[Any, Any]]
 """From x, y (Float, pixels from the corner of the crop window) and a mask: colour, and whether anything was hit."""
@@ -46,6 +52,39 @@ def expose(film: mi.Film, n: int, draw: Draw, progress: Progress | None = None) 
     canvas = _Canvas(film, 0, height)
     for top, bottom in _bands(film, n, SAMPLES_BETWEEN_REPORTS if progress else SAMPLES_AT_ONCE):
         _draw_band(canvas, film, n, draw, top, bottom)
+        canvas.start()
+        if progress:
+            progress(bottom, height)
+    return canvas.finish()
+
+
+def expose_to(film: mi.Film, target: float, look: Look, progress: Progress | None = None) -> mi.TensorXf:
+    """Draw the crop window of `film` with a root mean square error of about `target` at most.
+
+    Returns
+    -------
+    TensorXf
+        As from `expose`.
+
+    Raises
+    ------
+    SceneError
+        If the film has another filter than a box of one pixel, or the variant no vectors.
+    """
+    if not _is_box(film.rfilter()):
+        raise SceneError(
+            f"film `{film.id()}`: target_error needs the filter `box` of radius 0.5, for a pixel is then the mean over "
+            f"its square; here it is {film.rfilter().class_name()}"
+        )
+    if not dr.is_jit_v(mi.Float):
+        raise SceneError(f"target_error needs a variant that begins with llvm or cuda; {mi.variant()} is none")
+    width, height = (int(size) for size in film.crop_size())
+    canvas = _Canvas(film, 0, height)
+    for top, bottom in _bands(film, 1, PIXELS_REFINED_AT_ONCE):
+        band = antialias.refined(look, width, top, bottom, target)
+        red, green, blue, alpha = band.colour
+        colour = [red, green, blue][: dr.size_v(mi.Spectrum)]
+        canvas.put(band.y * opaque(mi.UInt32(width)) + band.x, [*colour, alpha], band.inside)
         canvas.start()
         if progress:
             progress(bottom, height)

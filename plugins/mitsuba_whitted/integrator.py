@@ -19,8 +19,8 @@ from mitsuba_whitted.explain import explain
 from mitsuba_whitted.materials import constant
 from mitsuba_whitted.plan import Plan, plan_of
 from mitsuba_whitted.seen import PixelSeen
-from mitsuba_whitted.stage import Settings, Stage
-from mitsuba_whitted.trace import trace
+from mitsuba_whitted.stage import MIRRORS_SHARE, Settings, Stage
+from mitsuba_whitted.trace import Traced, trace
 
 MOST_SAMPLES = 1 << 16
 """Samples a pixel: 256 x 256, where the grid's error has long met that of float32."""
@@ -61,6 +61,12 @@ def define() -> type[mi.SamplingIntegrator]:
            - World units, > 0: shadow and mirror rays ignore whatever lies nearer than this, on every
              shape. It is the textbook's remedy against rounding, here to be studied. (Default: unset;
              rays then start as far off as rounding demands at each point, and no further)
+
+         * - target_error
+           - |float|
+           - Radiance, >= 0: pixels are refined until the picture's root mean square error is likely to be below
+             this, whatever ``spp`` says; with max_depth -1 also mirrors are followed only as far as that takes.
+             0 draws the n x n grid. Needs a box filter and a variant with Dr.Jit. (Default: 0)
 
          * - enable_ambient, enable_diffuse, enable_specular
            - |bool|
@@ -158,8 +164,15 @@ def define() -> type[mi.SamplingIntegrator]:
                 traced = trace(stage, plan, camera.rays(x, y), active)
                 return traced.colour, traced.hit
 
+            def look(x: Any, y: Any, active: Any) -> tuple[Any, Any]:
+                traced = trace(stage, plan, camera.rays(x, y), active)
+                return _four_channels(traced), traced.path
+
             with dr.suspend_grad():  # type: ignore[no-untyped-call]
-                picture = film.expose(sensor.film(), self._grid(sensor, spp), draw, progress)
+                if self.settings.target_error:
+                    picture = film.expose_to(sensor.film(), self._pixel_error(), look, progress)
+                else:
+                    picture = film.expose(sensor.film(), self._grid(sensor, spp), draw, progress)
             if evaluate:
                 dr.sync_thread()
             return picture if develop else mi.TensorXf()
@@ -171,6 +184,8 @@ def define() -> type[mi.SamplingIntegrator]:
 
             The bytes are those of `render`; the film is left alone.
             """
+            if self.settings.target_error:
+                raise SceneError("target_error cannot be drawn band by band; set it to 0")
             sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
             stage, camera, plan = self._prepare(scene, sensor)
 
@@ -209,9 +224,24 @@ def define() -> type[mi.SamplingIntegrator]:
             return explain(stage, plan, camera.rays, x, y, self._grid(sensor, spp))
 
         def count_rays(self, scene: mi.Scene, sensor: mi.Sensor | int = 0, spp: int = 0) -> dict[str, int]:
-            """Count the rays of a picture by tracing it once more: `camera`, `mirror` and `shadow` rays."""
+            """Count the rays of a picture by tracing it once more: `camera`, `mirror` and `shadow` rays.
+
+            With a target error also `cut` ones: mirrors that were not followed since they would add too little.
+            """
             sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
             stage, camera, plan = self._prepare(scene, sensor)
+            if self.settings.target_error:
+                tally = dr.zeros(mi.UInt64, 4)
+
+                def look(x: Any, y: Any, active: Any) -> tuple[Any, Any]:
+                    traced = trace(stage, plan, camera.rays(x, y), active)
+                    one = mi.UInt32(1)
+                    for i, rays in enumerate((one, traced.mirror_rays, traced.shadow_rays, traced.cut_rays)):
+                        dr.scatter_add(tally, mi.UInt64(rays), mi.UInt32(i), active)
+                    return _four_channels(traced), traced.path
+
+                film.expose_to(sensor.film(), self._pixel_error(), look)
+                return dict(zip(("camera", "mirror", "shadow", "cut"), map(int, tally), strict=True))
 
             n = self._grid(sensor, spp)
 
@@ -247,6 +277,10 @@ def define() -> type[mi.SamplingIntegrator]:
                 self._tell_once(f"{name} is drawn where it is seen, but lights no surface")
             return self._stage
 
+        def _pixel_error(self) -> float:
+            """Tell what is left of the target error once mirrors that are not followed have had their share."""
+            return self.settings.target_error * (1 - MIRRORS_SHARE if self.settings.max_depth < 0 else 1)
+
         def _grid(self, sensor: mi.Sensor, spp: int) -> int:
             spp = spp or sensor.sampler().sample_count()
             if not 0 < spp <= MOST_SAMPLES:
@@ -264,6 +298,12 @@ def define() -> type[mi.SamplingIntegrator]:
     return Whitted
 
 
+def _four_channels(traced: Traced) -> mi.Vector4f:
+    """Three colour channels, all alike in a mono variant, and the alpha."""
+    red, green, blue = traced.colour if len(traced.colour) == 3 else [traced.colour.x] * 3
+    return mi.Vector4f(red, green, blue, dr.select(traced.hit, mi.Float(1), mi.Float(0)))
+
+
 def _settings(props: Any) -> Settings:
     """Read and check the parameters of the integrator."""
     name = f"integrator `{props.id()}`"
@@ -278,10 +318,13 @@ def _settings(props: Any) -> Settings:
     epsilon = float(props["epsilon"]) if "epsilon" in props else None
     if epsilon is not None and not 0 < epsilon < math.inf:
         raise SceneError(f"{name}: epsilon {epsilon:g} is out of range; it must be above 0 and finite")
+    target_error = float(props.get("target_error", 0.0))
+    if not 0 <= target_error < math.inf:
+        raise SceneError(f"{name}: target_error {target_error:g} is out of range; it must be finite and not negative")
     if props.get("hide_emitters", False):
         raise SceneError(f"{name}: hide_emitters must be false")
     ambient = constant(props.get_unbounded_texture("ambient", 0.0))
     if ambient is None or not all(0 <= value < math.inf for value in ambient):
         raise SceneError(f"{name}: ambient {ambient} must be one colour, finite and not negative")
     enabled = {f"enable_{term}": bool(props.get(f"enable_{term}", True)) for term in TERMS}
-    return Settings(max_depth, tuple(ambient), falloff, epsilon, **enabled)
+    return Settings(max_depth, tuple(ambient), falloff, epsilon, target_error, **enabled)

@@ -20,6 +20,9 @@ from mitsuba_whitted.transforms import matrix_of
 UNROLL = 16
 """Up to so many lights of a kind stand in the kernel one by one; beyond, it loops, to compile in bounded time."""
 
+GOLDEN = 0x9E3779B1
+"""2^32 in the golden section, made odd: its multiples are spread well (Knuth, *TAOCP* 3, section 6.4)."""
+
 
 class Sample(NamedTuple):
     """One light as seen from a point p."""
@@ -34,6 +37,8 @@ class Sample(NamedTuple):
     """Whether any of its light comes here: p is in the cone, and not at the light itself."""
     end: Any
     """As far as a shadow ray may look without taking a surface at the light for one before it."""
+    name: Any
+    """A number that no sum of other lights' is likely to be."""
 
 
 class Lights:
@@ -54,28 +59,30 @@ class Lights:
         """Kind and, while they are part of the kernel one by one, the number of these lights."""
         return f"{self.count} {self.kind}" if self.count <= UNROLL else f"many {self.kind}"
 
-    def sum(self, term: Callable[[Sample], tuple[Any, Any]], p: Any, inverse_square: bool) -> tuple[Any, Any]:
-        """Add up both parts of `term`, a Spectrum and a count, over all lights as seen from the point `p`."""
+    def sum(
+        self, term: Callable[[Sample], tuple[Any, Any, Any]], p: Any, inverse_square: bool
+    ) -> tuple[Any, Any, Any]:
+        """Add up the parts of `term`, a Spectrum and two counts, over all lights as seen from the point `p`."""
 
-        def add(i: Any, colour: Any, count: Any) -> tuple[Any, Any, Any]:
-            more_colour, more = term(self._sample(i, p, inverse_square))
-            return i + 1, colour + more_colour, count + more
+        def add(i: Any, *sums: Any) -> tuple[Any, ...]:
+            return i + 1, *(a + b for a, b in zip(sums, term(self._sample(i, p, inverse_square)), strict=True))
 
-        state = (mi.UInt32(0), mi.Spectrum(0), mi.UInt32(0))
+        state: tuple[Any, ...] = (mi.UInt32(0), mi.Spectrum(0), mi.UInt32(0), mi.UInt32(0))
         if self.count <= UNROLL or not dr.is_jit_v(mi.Float):
             for i in range(self.count):
                 state = add(i, *state[1:])
         else:
             state = dr.while_loop(state, lambda i, *_: i < self._opaque_count, add, label=f"{self.kind} lights")
-        return state[1], state[2]
+        return state[1], state[2], state[3]
 
     def _sample(self, i: Any, p: Any, inverse_square: bool) -> Sample:
         def vector(j: int) -> Any:
             return fetch(mi.Vector3f, self._rows, i * self._width + j)
 
         colour = fetch(mi.Spectrum, self._colours, i)
+        name = mi.UInt32(i + _KIND_NUMBERS[self.kind]) * mi.UInt32(GOLDEN)
         if self.kind == "directional":
-            return Sample(vector(0), colour, mi.Float(dr.inf), mi.Bool(True), mi.Float(dr.inf))
+            return Sample(vector(0), colour, mi.Float(dr.inf), mi.Bool(True), mi.Float(dr.inf), name)
 
         position = vector(0)
         to_light = position - mi.Vector3f(p)
@@ -94,7 +101,10 @@ class Lights:
             colour = dr.select(away, colour * dr.rcp(distance * distance), 0)
         # The light's own coordinates are exact; those of a surface at it are right to a few u of them.
         end = distance * precise.SHADOW_END - 4 * precise.UNIT_ROUNDOFF * dr.sum(dr.abs(position))
-        return Sample(l, colour, distance, reaches, end)
+        return Sample(l, colour, distance, reaches, end, name)
+
+
+_KIND_NUMBERS = {"directional": 1, "point": 1 << 10, "spot": 1 << 20}
 
 
 def lights_of(graph: SceneGraph, centre: NDArray[np.float64]) -> list[Lights]:

@@ -122,6 +122,9 @@ class Coefficient:
             rows.append(row)
             numbers.append([number])
         self.present = any(value != 0 for row in rows for value in row)
+        self.largest = max(
+            (value * (most if i else 1) for row, [i] in zip(rows, numbers, strict=True) for value in row), default=0.0
+        )
         self._rows = column(rows)
         self._numbers = index_column(numbers)
 

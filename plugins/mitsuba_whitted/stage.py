@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_whitted.brightness import most_radiance
 from mitsuba_whitted.casters import casters
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.lights import colour_of, lights_nothing, lights_of
@@ -22,6 +23,9 @@ UNLIMITED_LAST_RAY = 1024
 
 UNLIMITED_LEAST_THROUGHPUT = 2.0**-24
 """With max_depth = -1 no mirror is followed that passes less of every channel: the definition's own limit."""
+
+MIRRORS_SHARE = 1 / 8
+"""With max_depth = -1 and a target error, rays that are not followed may add this share of it to a pixel."""
 
 LARGEST = float(np.finfo(np.float32).max)
 """Radiance has no other limit than that it is finite."""
@@ -37,6 +41,7 @@ class Settings:
     ambient: tuple[float, ...] = (0.0, 0.0, 0.0)
     falloff: str = "inverse_square"
     epsilon: float | None = None
+    target_error: float = 0.0
     enable_ambient: bool = True
     enable_diffuse: bool = True
     enable_specular: bool = True
@@ -58,6 +63,7 @@ class Stage:
         self._build_surfaces()
         self._build_appearance()
         self._find_casters()
+        self._limit_throughput()
 
     def follows(self, scene: mi.Scene) -> bool:
         """Whether this is still the scene that the stage was built from, edits to its values aside."""
@@ -74,6 +80,7 @@ class Stage:
             self._build_appearance()
         if before != (self.settings, self.surfaces, self.materials):
             self._find_casters()
+            self._limit_throughput()
 
     def background(self, d: Any, active: Any) -> Any:
         """Radiance of the environment along the direction `d`."""
@@ -91,9 +98,16 @@ class Stage:
         unlimited = settings.max_depth < 0
         self.max_depth = opaque(mi.UInt32(_NO_LIMIT if unlimited else settings.max_depth))
         self.last_ray = opaque(mi.UInt32(UNLIMITED_LAST_RAY if unlimited else _NO_LIMIT))
-        self.least_throughput = opaque(mi.Float(UNLIMITED_LEAST_THROUGHPUT if unlimited else 0.0))
         self.ambient = opaque(mi.Spectrum(*settings.ambient))
         self.epsilon = opaque(mi.Float(settings.epsilon or 0.0))
+
+    def _limit_throughput(self) -> None:
+        """Say how much a chain of mirrors must pass to go on; see section 1 of the model for the limit of its own."""
+        least = UNLIMITED_LEAST_THROUGHPUT if self.settings.max_depth < 0 else 0.0
+        if least and self.settings.target_error:
+            most = most_radiance(self._graph, self, UNLIMITED_LAST_RAY)
+            least = max(least, MIRRORS_SHARE * self.settings.target_error / most if most else 1.0)
+        self.least_throughput = opaque(mi.Float(least))
 
     def _build_surfaces(self) -> None:
         self._geometry_stamp = self._graph.geometry_stamp()

@@ -26,6 +26,10 @@ class Traced(NamedTuple):
     """Whether the camera ray met a surface."""
     shadow_rays: Any
     mirror_rays: Any
+    path: Any
+    """Number of the path: equal where the same objects were met and the same lights seen, bounce after bounce."""
+    cut_rays: Any
+    """Whether a mirror was not followed since it passes too little: see `Stage.least_throughput`."""
 
 
 class _Chain(NamedTuple):
@@ -44,6 +48,8 @@ class _Chain(NamedTuple):
     hit: Any
     shadow_rays: Any
     mirror_rays: Any
+    path: Any
+    cut_rays: Any
     active: Any
 
     @property
@@ -85,6 +91,8 @@ def trace(stage: Stage, plan: Plan, ray: Ray, active: Any = True, note: Note = _
         hit=mi.Bool(False),
         shadow_rays=mi.UInt32(0),
         mirror_rays=mi.UInt32(0),
+        path=mi.UInt32(0),
+        cut_rays=mi.UInt32(0),
         active=mi.Bool(active),
     )
     if plan.mirrors:
@@ -97,7 +105,7 @@ def trace(stage: Stage, plan: Plan, ray: Ray, active: Any = True, note: Note = _
         state = _Chain(*final)
     else:
         state = _bounce(stage, plan, state, note)
-    return Traced(state.colour, state.hit, state.shadow_rays, state.mirror_rays)
+    return Traced(state.colour, state.hit, state.shadow_rays, state.mirror_rays, state.path, state.cut_rays)
 
 
 def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
@@ -145,7 +153,8 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
         note("ambient", colour=ambient)
         colour += ambient
 
-    shadow_rays = mi.UInt32(0)
+    path = _joined(chain.path, dr.select(found, 2 * hit.shape + dr.select(behind, mi.UInt32(2), mi.UInt32(1)), 0))
+    shadow_rays, seen = mi.UInt32(0), mi.UInt32(0)
     if plan.lights:
         k_d = coefficient(stage.materials.k_d) if plan.diffuse else mi.Spectrum(0)
         k_s = coefficient(stage.materials.k_s) if plan.specular else mi.Spectrum(0)
@@ -154,8 +163,8 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
 
         note("coefficients", k_d=k_d, k_s=k_s, exponent=exponent)
 
-        def contribution(light: Sample) -> tuple[Any, Any]:
-            """k_d I (n.l) + k_s I (n.h)^p if the light is above the horizon and not in shadow; rays asked."""
+        def contribution(light: Sample) -> tuple[Any, Any, Any]:
+            """k_d I (n.l) + k_s I (n.h)^p if the light is above the horizon and not in shadow; rays asked; its name."""
             n_l = dr.dot(n, light.l)
             facing = reflects & light.reaches & (n_l > 0) & (dr.dot(n_g, light.l) > 0)
 
@@ -174,22 +183,27 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
             added, visible = dr.if_stmt((), facing, shine, _dark, label="light")
             note("shadow ray", ray=_shadow_ray(stage, plan, hit, n_g, light))
             note("light", light=light, facing=facing, visible=visible, colour=added)
-            return added, dr.select(facing, mi.UInt32(1), mi.UInt32(0)) if plan.shadows else mi.UInt32(0)
+            asked = dr.select(facing, mi.UInt32(1), mi.UInt32(0)) if plan.shadows else mi.UInt32(0)
+            return added, asked, dr.select(visible, light.name, 0)
 
         for lights in stage.lights:
-            light_sum, asked = lights.sum(contribution, hit.p, plan.inverse_square)
+            light_sum, asked, names = lights.sum(contribution, hit.p, plan.inverse_square)
             colour += light_sum
             shadow_rays += asked
+            seen += names
+    path = _joined(path, seen)
     note("sum", lit=lit, colour=colour)
     if not plan.mirrors:
-        return chain._replace(colour=colour, hit=found, shadow_rays=shadow_rays)
+        return chain._replace(colour=colour, hit=found, shadow_rays=shadow_rays, path=path)
 
     k_m = coefficient(stage.materials.k_m)
     throughput = chain.throughput * k_m
     r = mi.Vector3f(precise.mirrored(ray.d, n))
     goes_on = lit & dr.any(throughput != 0) & (dr.dot(n_g, r) > 0)
     # Only with max_depth = -1 the two limits can end a chain: see Stage.
-    goes_on &= (depth <= stage.last_ray) & dr.any(throughput >= stage.least_throughput)
+    passes = (depth <= stage.last_ray) & dr.any(throughput >= stage.least_throughput)
+    cut = goes_on & (passes ^ True)
+    goes_on &= passes
     mirrored = _leaving(stage, plan, hit, n_g, r, mi.Float(dr.inf))
     note("mirror", k_m=k_m, r=r, goes_on=goes_on)
     return _Chain(
@@ -200,8 +214,15 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
         hit=chain.hit | (found & (chain.k == 0)),
         shadow_rays=chain.shadow_rays + shadow_rays,
         mirror_rays=chain.mirror_rays + dr.select(goes_on, mi.UInt32(1), mi.UInt32(0)),
+        path=dr.select(chain.active, path, chain.path),
+        cut_rays=chain.cut_rays + dr.select(cut, mi.UInt32(1), mi.UInt32(0)),
         active=goes_on,
     )
+
+
+def _joined(path: Any, more: Any) -> Any:
+    """Take one more number into that of a path (the hash of Fowler, Noll and Vo, a word at a time)."""
+    return (path ^ more) * 16777619
 
 
 def _dark() -> tuple[Any, Any]:

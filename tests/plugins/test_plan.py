@@ -31,6 +31,7 @@ def _scene(bsdf: dict[str, Any] | None = None, integrator: dict[str, Any] | None
 POINT = {"type": "point", "position": [1, 1, 3], "intensity": 5.0}
 BALL = {"type": "sphere", "center": [0.2, 0, 0.8], "radius": 0.3}
 GREY = {"type": "blinnphong", "diffuse_reflectance": 0.5}
+MIRROR = {**GREY, "mirror_reflectance": 0.1}
 
 
 @pytest.mark.parametrize(
@@ -40,7 +41,7 @@ GREY = {"type": "blinnphong", "diffuse_reflectance": 0.5}
         ("diffuse", {"bsdf": {"type": "blinnphong", "diffuse_reflectance": 0.0}, "lamp": POINT}, {"lamp": POINT}),
         ("specular", {"lamp": POINT}, {"bsdf": {**GREY, "specular_reflectance": 0.1}, "lamp": POINT}),
         ("mirrors", {"lamp": POINT}, {"bsdf": {**GREY, "mirror_reflectance": 0.1}, "lamp": POINT}),
-        ("mirrors", {"bsdf": {**GREY, "mirror_reflectance": 0.1}}, {"bsdf": {**GREY, "mirror_reflectance": 0.1}, "sky": {"type": "constant"}}),
+        ("mirrors", {"bsdf": MIRROR}, {"bsdf": MIRROR, "sky": {"type": "constant"}}),
         ("ambient", {}, {"integrator": {"ambient": 0.1}}),
         ("two_sided", {}, {"bsdf": {"type": "twosided", "nested": GREY}}),
         ("textured", {}, {"bsdf": {"type": "blinnphong", "diffuse_reflectance": {"type": "checkerboard"}}}),

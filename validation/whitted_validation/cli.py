@@ -115,6 +115,12 @@ def whitted() -> None:
     metavar="N",
     help="N x N samples a pixel. [default: the scene's sample_count]",
 )
+@click.option(
+    "--target-error",
+    type=click.FloatRange(0, min_open=True),
+    metavar="E",
+    help="Refine pixels until the root mean square error is likely to be below E.",
+)
 @click.option("--exposure", type=float, metavar="EV", help="Brighten a .png by EV stops.")
 @click.option("--only", callback=_terms, metavar="TERMS", help="Keep only these of ambient,diffuse,specular.")
 @click.option("--no-shadows", is_flag=True, help="Let every light reach every surface.")
@@ -126,6 +132,7 @@ def render(
     output: str | None,
     sensor: int,
     grid: int | None,
+    target_error: float | None,
     exposure: float | None,
     only: set[str] | None,
     no_shadows: bool,
@@ -137,24 +144,32 @@ def render(
     start = time.perf_counter()
     if reference and (request.variant or request.threads or request.verbosity or stats):
         raise Refusal("--reference draws without Mitsuba and takes none of -m, -t, -v and --stats")
+    if target_error is not None and (grid or reference):
+        raise Refusal("--target-error chooses the samples itself and takes neither --grid nor --reference")
     scene_file = request.seen.file  # what is wrong with the scene comes before what is wrong with the output
     picture_file = Path(output or Path(request.scene).with_suffix(".exr"))
     picture_files.check_writable(picture_file, exposure)
     off = {term for term in TERMS if only is not None and term not in only}
     off |= {"shadows"} if no_shadows else set()
     off |= {"mirrors"} if no_mirrors else set()
-    switches = {f"enable_{part}": False for part in off}
+    switches: dict[str, Any] = {f"enable_{part}": False for part in off}
     if reference:
         _render_reference(scene_file, request, sensor, grid, switches, picture_file, exposure or 0.0)
         return
+    if target_error or grid:
+        switches["target_error"] = target_error or 0.0
     loaded = request.load(sensor)
 
     from whitted_validation import render as drawing
 
     drawing.switch(loaded, switches)
     with shown(printable(picture_file.name)) as progress, drawing.Stopwatch() as kernels:
-        picture = drawing.render(loaded, grid, progress)
-    picture_files.write(picture_file, picture, exposure or 0.0)
+        if picture_file.suffix.lower() == ".npy" and not loaded.integrator.settings.target_error:
+            # It grows on disk, however large it gets.
+            height = int(loaded.sensor.film().crop_size()[1])
+            picture_files.write_bands(picture_file, height, drawing.bands(loaded, grid, progress))
+        else:
+            picture_files.write(picture_file, drawing.render(loaded, grid, progress), exposure or 0.0)
     if stats:
         total = time.perf_counter() - start
         for line in drawing.statistics(loaded, grid, kernels, total):

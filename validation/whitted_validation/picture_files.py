@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,6 +62,21 @@ def write(path: Path, picture: NDArray[np.float32], exposure: float = 0.0) -> No
                 mi.Bitmap(picture).write(str(draft))
             case ".png":
                 mi.Bitmap(_srgb(picture * 2.0**exposure)).write(str(draft))
+        draft.replace(path)
+
+
+def write_bands(path: Path, height: int, bands: Iterable[NDArray[np.float32]]) -> None:
+    """Write a ``.npy`` of `height` rows from bands of them, (rows, width, channels) float32, as they come."""
+    import numpy as np
+
+    with _beside(path) as draft:
+        with draft.open("wb") as file:
+            for i, band in enumerate(bands):
+                if i == 0:
+                    shape = (height, *band.shape[1:])
+                    header = {"descr": "<f4", "fortran_order": False, "shape": shape}
+                    np.lib.format.write_array_header_1_0(file, header)
+                file.write(band.astype("<f4", copy=False).tobytes())
         draft.replace(path)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 from whitted_validation.load import Loaded
 
 
-def switch(loaded: Loaded, switches: Mapping[str, bool]) -> None:
-    """Set switches of the integrator, such as ``enable_shadows``, whatever the scene says."""
+def switch(loaded: Loaded, switches: Mapping[str, Any]) -> None:
+    """Set parameters of the integrator, such as ``enable_shadows``, whatever the scene says."""
     loaded.integrator.settings = dataclasses.replace(loaded.integrator.settings, **switches)
 
 
@@ -52,6 +53,17 @@ def render(loaded: Loaded, grid: int | None, progress: Callable[[int, int], None
     samples = grid**2 if grid else 0
     picture = loaded.integrator.render(loaded.scene, loaded.sensor, spp=samples, progress=band_done)
     return np.array(picture, dtype=np.float32)
+
+
+def bands(
+    loaded: Loaded, grid: int | None, progress: Callable[[int, int], None] | None = None
+) -> Iterator[NDArray[np.float32]]:
+    """Draw the same rows top down, (rows, width, channels) at a time, of which no more than one band is held."""
+    height = int(loaded.sensor.film().crop_size()[1])
+    for top, rows in loaded.integrator.render_in_bands(loaded.scene, loaded.sensor, spp=grid**2 if grid else 0):
+        yield rows
+        if progress:
+            progress(top + len(rows), height)
 
 
 class Stopwatch:

@@ -1,0 +1,239 @@
+"""Pixels to a target error: each is split where it must be, and edges are found instead of averaged over.
+
+A cell, at first a pixel, has samples at its four corners, which it shares with its neighbours. Where their paths
+are one (the same objects met and the same lights seen at every bounce) and their colours nearly linear, the mean of
+the corners is its colour, or Simpson's rule with one sample more in its centre. A cell of two paths has an edge: where
+that crosses the sides is found by bisection, how it is bent between by a search across the chord, and each side of it
+counts by its area, with the colour at its centroid (`edges`). Whatever does not bear this out is split in four.
+
+Which cells need more than their corners is decided by the error that is left: cells are refined from the worst down
+until the sum of the squares of all that is left meets the target (water-filling), and at every depth anew, with
+what was seen until then. A picture full of edges is drawn with a plain grid instead, as fine as it takes.
+
+The target is kept by estimates, not proven; a thing that no sample meets stays unseen. Most such things lie next to
+an edge: cells there get a sample in the centre.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_whitted import cells
+from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, norm
+from mitsuba_whitted.edges import look_closer
+from mitsuba_whitted.tables import opaque
+
+DEPTH = 5
+"""How often a pixel can be split: to 1/32."""
+
+SPLIT_AT_ONCE = 1 << 17
+"""Cells split in one launch. Each depth keeps so many at most, of some 400 bytes with all that hangs on them."""
+
+# What follows, and in `edges`, was fitted on scenes a, b and c of the benchmark with seeds 1 and 2, then left alone.
+
+OF_RANGE = 0.3
+"""Error of the mean of the corners where they have several paths, in parts of the colours' range.
+
+Two uniform colours that an edge through a random place parts: 0.29, the standard deviation of a uniform variable.
+Below the pixel it also holds for cells of one path: their pixel was split since something is there.
+"""
+
+
+OF_BEND = 1 / 12
+"""Error of the mean of the corners of a smooth function, in parts of its second differences (the trapezoidal rule)."""
+
+OF_STEP = OF_RANGE / 2
+"""The same in parts of third differences: a step inside the cell makes one of twice its height."""
+
+LEFT = np.array([0.8, 0.5, 1.2])
+"""Error that a cell of each kind is left with, in parts of the limit to which it is refined."""
+
+LEAST_BUDGET = 0.05
+"""Share of the error that the parts of split cells may make at least, should the rest have spent it all."""
+
+CLUTTERED = 1 / 4
+"""Share of pixels of several paths above which a plain grid is the cheaper way.
+
+Where so many edges are, few have a pixel to themselves, and things that no corner meets are many. Rays of a grid lie
+closer than those that search for edges, and take less time each.
+"""
+
+ONE_BY_ONE = 0.8
+"""Error of a grid of one sample a pixel, in parts of what is estimated for the means of the corners."""
+
+OF_GRID = 1.5
+"""The error of a grid of n x n falls with this power of n, as long as edges cross the pixel at random."""
+
+FINEST_GRID = 64
+"""Largest n."""
+
+SAMPLES_AT_ONCE = 1 << 22
+"""Samples of grids taken in one launch; four floats each are kept until averaged."""
+
+OCTAVES_BELOW, STEPS, BINS = 8, 4, 96
+"""Errors are counted from so many octaves below the target, in so many steps an octave."""
+
+
+class Band(NamedTuple):
+    """Rows of the picture, pixel by pixel in an order of their own."""
+
+    x: Any
+    """Column in the crop window."""
+    y: Any
+    inside: Any
+    """Whether the lane holds a pixel at all."""
+    colour: Any
+    """Vector4f: colour and alpha."""
+
+
+def refined(look: Look, width: int, top: int, bottom: int, target: float) -> Band:
+    """Draw rows of the picture with a root mean square error of about `target` at most.
+
+    Parameters
+    ----------
+    look
+        Follows camera rays.
+    width, top, bottom : int
+        Of the crop window; the first row, and the first that is not drawn.
+    target : float
+        Linear radiance, over all pixels and channels of these rows.
+    """
+    pixels = cells.pixels(look, width, top, bottom)
+    estimate = _from_corners(pixels)
+    count = width * (bottom - top)
+    histogram = _histogram(estimate, pixels.inside, target)
+    if histogram[Kind.EDGE :].sum() > CLUTTERED * count:
+        error = math.sqrt(np.sum(histogram * _levels(target) ** 2) / count)
+        _take_grids(look, pixels, estimate, min(math.ceil((ONE_BY_ONE * error / target) ** (1 / OF_GRID)), FINEST_GRID))
+    else:
+        _refine(look, pixels, estimate, target, count * target**2, DEPTH)
+    lane = dr.arange(mi.UInt32, dr.width(pixels.inside))
+    colour = dr.gather(mi.Vector4f, estimate.value, lane)
+    return Band(pixels.i, pixels.j + opaque(mi.UInt32(top)), pixels.inside, colour)
+
+
+def _take_grids(look: Look, pixels: Cells, estimate: Estimate, n: int) -> None:
+    """Average n x n samples in each pixel."""
+    chosen = dr.compress(pixels.inside)
+    size = opaque(mi.UInt32(n))
+    at_once = max(1, SAMPLES_AT_ONCE // n**2)
+    for begin in range(0, dr.width(chosen), at_once):
+        count = min(at_once, dr.width(chosen) - begin)
+        pixel = dr.gather(mi.UInt32, chosen, dr.arange(mi.UInt32, count) + opaque(mi.UInt32(begin)))
+        dr.eval(pixel)
+        lane = dr.arange(mi.UInt32, count * n**2)
+        here = pixels.some(dr.gather(mi.UInt32, pixel, lane // (size * size)))
+        part = lane % (size * size)
+        x = here.x + (mi.Float(part % size) + 0.5) / mi.Float(size)
+        y = here.y + (mi.Float(part // size) + 0.5) / mi.Float(size)
+        colour, _ = look(x, y, mi.Bool(True))
+        dr.eval(colour)  # else each of the four sums would trace anew
+        mean = mi.Vector4f(*(dr.block_sum(channel, n**2) * (1 / n**2) for channel in colour))
+        dr.scatter(estimate.value, mean, pixel)
+        dr.eval(estimate.value)
+
+
+def _refine(look: Look, some: Cells, estimate: Estimate, target: float, budget: float, depth: int) -> None:
+    """Look closer at cells that need it, and split those that need more; updates the estimates.
+
+    `budget` is the sum of the squares of all errors that may be left.
+    """
+    limit = _water_level(_histogram(estimate, some.inside, target), target, budget)
+    # Kind by kind: the lanes of one vector then take about as many steps.
+    wrong = (estimate.error > limit) & some.inside
+    by_kind: list[Any] = [dr.compress(wrong & (estimate.kind == kind.value)) for kind in (Kind.SMOOTH, Kind.EDGE)]
+    by_kind = [numbers for numbers in by_kind if dr.width(numbers)]
+    if by_kind:
+        look_closer(look, some, estimate, dr.concat(by_kind), opaque(mi.Float(limit)))
+        wrong = (estimate.error > limit) & some.inside
+    split = dr.compress(wrong)
+    count = dr.width(split)
+    if count:
+        settled = _histogram(estimate, some.inside & ~wrong, target)
+        left = max(budget - float(np.sum(settled * _levels(target) ** 2)), LEAST_BUDGET * budget)
+    for begin in range(0, count, SPLIT_AT_ONCE):
+        size = min(SPLIT_AT_ONCE, count - begin)
+        chosen = dr.gather(mi.UInt32, split, dr.arange(mi.UInt32, size) + opaque(mi.UInt32(begin)))
+        dr.eval(chosen)
+        parts = cells.quarters(look, some, chosen)
+        of_parts = _from_corners(parts)
+        if depth > 1:
+            _refine(look, parts, of_parts, target, left * size / count, depth - 1)
+        part = 4 * dr.arange(mi.UInt32, size)
+        mean = sum(dr.gather(mi.Vector4f, of_parts.value, part + k) for k in range(4)) * 0.25
+        dr.scatter(estimate.value, mean, chosen)
+        dr.eval(estimate.value)
+
+
+def _from_corners(some: Cells) -> Estimate:
+    """Estimate each cell from its corners, and what is wrong with that."""
+    corners = some.corners()
+    colours = [some.colour(sample) for sample in corners]
+    paths = [some.path(sample) for sample in corners]
+    crossed = sum(dr.select(paths[k] != paths[(k + 1) % 4], mi.UInt32(1), 0) for k in range(4))
+    # Two crossed sides part the corners into two groups, each of neighbours: then it is two paths.
+    edge_or_clutter = dr.select(crossed == 2, mi.UInt32(Kind.EDGE.value), Kind.CLUTTER.value)
+    kind = dr.select(crossed == 0, mi.UInt32(Kind.SMOOTH.value), edge_or_clutter)
+
+    low = dr.minimum(dr.minimum(colours[0], colours[1]), dr.minimum(colours[2], colours[3]))
+    high = dr.maximum(dr.maximum(colours[0], colours[1]), dr.maximum(colours[2], colours[3]))
+    of_range = dr.select((crossed != 0) | (some.step < 1), mi.Float(OF_RANGE), 0)
+    error = some.step * some.step * dr.maximum(_bend(some), norm(high - low) * of_range)
+    count = dr.width(some.x)
+    value = dr.empty(mi.Float, 4 * count)
+    dr.scatter(value, (colours[0] + colours[1] + colours[2] + colours[3]) * 0.25, dr.arange(mi.UInt32, count))
+    estimate = Estimate(value, error, kind)
+    dr.eval(estimate)
+    return estimate
+
+
+def _bend(some: Cells) -> Any:
+    """Estimate the error by differences along the sides: across and down, each by the largest of those that touch it.
+
+    They are taken over edges too: this is how the cells next to an edge come to a sample in the centre.
+    """
+
+    def along(at: Any, size: Any, stride: Any, to_other_side: Any) -> Any:
+        first = mi.UInt32(dr.clip(mi.Int32(at) - 1, 0, dr.maximum(mi.Int32(size) - 4, 0)))
+        bend = mi.Float(0)
+        for side in range(2):
+            begin = some.corner - at * stride + first * stride + side * to_other_side
+            c = [dr.gather(mi.Vector4f, some.colours, begin + n * stride, first + n < size) for n in range(4)]
+            bends = [dr.select(first + n + 2 < size, c[n] - 2 * c[n + 1] + c[n + 2], 0) for n in range(2)]
+            bend = dr.maximum(bend, OF_BEND * dr.maximum(norm(bends[0]), norm(bends[1])))
+            bend = dr.maximum(bend, OF_STEP * dr.select(first + 3 < size, norm(bends[1] - bends[0]), 0))
+        return bend
+
+    one = mi.UInt32(1)
+    return along(some.i, some.across, one, some.across) + along(some.j, some.down, some.across, one)
+
+
+def _histogram(estimate: Estimate, active: Any, target: float) -> NDArray[np.float64]:
+    """Count the errors of each kind of cell, (3, BINS); those too small to matter are left out.
+
+    Whole numbers: their sum does not depend on the order in which threads come.
+    """
+    octaves = dr.log2(estimate.error / opaque(mi.Float(target))) + OCTAVES_BELOW
+    counts = dr.zeros(mi.UInt32, 3 * BINS)
+    place = mi.UInt32(dr.clip(STEPS * octaves, 0, BINS - 1))
+    dr.scatter_add(counts, mi.UInt32(1), estimate.kind * BINS + place, active & (octaves >= 0))
+    return np.array(counts, dtype=np.float64).reshape(3, BINS)
+
+
+def _levels(target: float) -> NDArray[np.float64]:
+    """Errors that the places of a histogram stand for."""
+    levels: NDArray[np.float64] = target * 2.0 ** ((np.arange(BINS) + 0.5) / STEPS - OCTAVES_BELOW)
+    return levels
+
+
+def _water_level(histogram: NDArray[np.float64], target: float, budget: float) -> float:
+    """Find the error above which cells are refined, so that all that is left meets the budget."""
+    levels = _levels(target)
+    left = [np.sum(histogram * np.minimum(levels, LEFT[:, None] * limit) ** 2) for limit in levels]
+    return float(levels[max(int(np.searchsorted(left, budget)) - 1, 0)])

@@ -1,0 +1,160 @@
+"""Cells that pixels are split into, and the lattices of samples at their corners."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+
+from mitsuba_whitted.tables import opaque
+
+Look = Callable[[Any, Any, Any], tuple[Any, Any]]
+"""From x, y (Float, pixels from the corner of the crop window) and a mask: colour and alpha, and number of the path.
+
+Colours are Vector4f, paths UInt32: see `trace.Traced`.
+"""
+
+BLOCK = 32
+"""Pixels are numbered along a Z curve (Morton 1966) in squares of this side: neighbours in a launch are close."""
+
+
+class Kind(IntEnum):
+    """What the samples at the corners of a cell say of it."""
+
+    SMOOTH = 0
+    """One path."""
+    EDGE = 1
+    """Two paths, and one edge between them."""
+    CLUTTER = 2
+    """Anything else."""
+
+
+class Estimate(NamedTuple):
+    """What is known of each cell so far."""
+
+    value: Any
+    """Colour and alpha, four numbers a cell."""
+    error: Any
+    """What is expected to be wrong with the colour, times the cell's share of the pixel."""
+    kind: Any
+
+
+class Cells(NamedTuple):
+    """Cells of one size, and the lattice of samples that they have their corners in."""
+
+    x: Any
+    """Upper left corner."""
+    y: Any
+    corner: Any
+    """Number of the sample there."""
+    inside: Any
+    """Whether the cell is part of the picture."""
+    i: Any
+    """Column and row in its lattice."""
+    j: Any
+    across: Any
+    """Samples in a row of a lattice, and rows."""
+    down: Any
+    step: Any
+    """Side of a cell, in pixels."""
+    colours: Any
+    paths: Any
+    samples: int
+    """Of all lattices together."""
+
+    def some(self, cell: Any) -> Cells:
+        """Pick the cells with these numbers."""
+        x, y, corner, inside, i, j = (dr.gather(type(part), part, cell) for part in self[:6])
+        return self._replace(x=x, y=y, corner=corner, inside=inside, i=i, j=j)
+
+    def colour(self, sample: Any) -> Any:
+        """Colour and alpha of samples, by number."""
+        return dr.gather(mi.Vector4f, self.colours, sample)
+
+    def path(self, sample: Any) -> Any:
+        """Numbers of their paths."""
+        return dr.gather(mi.UInt32, self.paths, sample)
+
+    def corners(self) -> list[Any]:
+        """Numbers of the samples at the corners, clockwise from the upper left."""
+        return [self.corner, self.corner + 1, self.corner + self.across + 1, self.corner + self.across]
+
+
+def norm(c: Any) -> Any:
+    """Root mean square over the colour channels: the picture's error counts them alike."""
+    return dr.sqrt((c.x * c.x + c.y * c.y + c.z * c.z) * (1 / 3))
+
+
+def pixels(look: Look, width: int, top: int, bottom: int) -> Cells:
+    """Sample all corners of the pixels of rows `top` to `bottom`, and make a cell of each."""
+    height = bottom - top
+    size = opaque(mi.Vector3u(width, height, top))
+    across, down = size.x + 1, size.y + 1
+    dr.make_opaque(across, down)
+
+    i, j = _along_z_curve(width + 1, height + 1)
+    held = (i < across) & (j < down)
+    colour, path = look(mi.Float(i), mi.Float(j + size.z), held)
+    samples = (width + 1) * (height + 1)
+    colours, paths = dr.empty(mi.Float, 4 * samples), dr.empty(mi.UInt32, samples)
+    dr.scatter(colours, colour, j * across + i, held)
+    dr.scatter(paths, path, j * across + i, held)
+
+    i, j = _along_z_curve(width, height)
+    inside = (i < size.x) & (j < size.y)
+    i, j = dr.minimum(i, size.x - 1), dr.minimum(j, size.y - 1)
+    x, y, step = mi.Float(i), mi.Float(j + size.z), opaque(mi.Float(1))
+    cells = Cells(x, y, j * across + i, inside, i, j, across, down, step, colours, paths, samples)
+    dr.eval(cells)
+    return cells
+
+
+def _along_z_curve(width: int, height: int) -> tuple[Any, Any]:
+    """Columns and rows of a rectangle, and more beyond its edges: square by square, and in each along a Z curve."""
+    blocks_across, blocks_down = -(-width // BLOCK), -(-height // BLOCK)
+    lane = dr.arange(mi.UInt32, blocks_across * blocks_down * BLOCK * BLOCK)
+    block, inner = lane // (BLOCK * BLOCK), lane % (BLOCK * BLOCK)
+    across = opaque(mi.UInt32(blocks_across))
+    return block % across * BLOCK + _even_bits(inner), block // across * BLOCK + _even_bits(inner >> 1)
+
+
+def _even_bits(x: Any) -> Any:
+    """Gather bits 0, 2, 4, 6 and 8."""
+    x = x & 0x155  # not in place: the lane is used again
+    x = (x | (x >> 1)) & 0x133
+    x = (x | (x >> 2)) & 0x10F
+    return (x | (x >> 4)) & 0x1F
+
+
+def quarters(look: Look, cells: Cells, split: Any) -> Cells:
+    """Split the cells with these numbers into four each, row by row, and take the five samples that those lack."""
+    count, samples = dr.width(split), 9 * dr.width(split)
+    colours, paths = dr.empty(mi.Float, 4 * samples), dr.empty(mi.UInt32, samples)
+    step = opaque(cells.step / 2)
+
+    lane = dr.arange(mi.UInt32, 4 * count)
+    parent, k = lane // 4, lane % 4
+    parents = cells.some(dr.gather(mi.UInt32, split, parent))
+    i, j = k & 1, k >> 1
+    x, y = dr.fma(mi.Float(i), step, parents.x), dr.fma(mi.Float(j), step, parents.y)
+    known = parents.corner + i + j * cells.across
+    at = 9 * parent + 2 * i + 6 * j
+    dr.scatter(colours, cells.colour(known), at)
+    dr.scatter(paths, cells.path(known), at)
+    side = opaque(mi.UInt32(3))
+    whole = dr.full(mi.Bool, True, 4 * count)
+    parts = Cells(x, y, 9 * parent + i + 3 * j, whole, i, j, side, side, step, colours, paths, samples)
+
+    lane = dr.arange(mi.UInt32, 5 * count)
+    parent, k = lane // 5, lane % 5
+    k += dr.select(k == 0, mi.UInt32(1), dr.select(k < 4, mi.UInt32(2), 3))  # 1, 3, 4, 5, 7 of a lattice of 3 x 3
+    parents = cells.some(dr.gather(mi.UInt32, split, parent))
+    x, y = dr.fma(mi.Float(k % 3), step, parents.x), dr.fma(mi.Float(k // 3), step, parents.y)
+    colour, path = look(x, y, mi.Bool(True))
+    dr.scatter(colours, colour, 9 * parent + k)
+    dr.scatter(paths, path, 9 * parent + k)
+    dr.eval(parts)
+    return parts
