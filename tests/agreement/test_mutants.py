@@ -127,16 +127,29 @@ class Truth:
         """Judge a picture that should be this one."""
         return judge(self.scene, self.bounds, picture, Here())
 
-    def is_caught(self, *options: str) -> bool:
-        """Run `whitted validate` on the scene: exit code 1, and few pixels explained away."""
-        with contextlib.redirect_stdout(io.StringIO()) as said:
-            code = run(["validate", str(self.folder / "scene.xml"), "-m", "llvm_ad_rgb", *options])
-        mi.set_log_level(mi.LogLevel.Error)
-        counts = re.search(r"(\d+) unexplained, (\d+) explained", said.getvalue())
-        assert counts, said.getvalue()
-        unexplained, explained = map(int, counts.groups())
-        print(f"exit code {code}, {unexplained} unexplained, {explained} explained")
-        return code == 1 and unexplained > 0 and explained <= MOST_EXPLAINED * (unexplained + explained)
+    def is_caught(self) -> bool:
+        """Draw the scene and judge it by the command."""
+        return command_catches(self.folder)
+
+    def catches(self, picture: np.ndarray, folder: Path) -> bool:
+        """Judge a picture that should be this one by the command; it is put into `folder`."""
+        return command_catches(self.folder, picture, folder)
+
+
+def command_catches(scene_folder: Path, picture: np.ndarray | None = None, folder: Path = Path()) -> bool:
+    """Run `whitted validate` on a scene, or a picture of it: exit code 1, and few pixels explained away."""
+    options = []
+    if picture is not None:
+        np.save(folder / "other.npy", picture)
+        options = ["--against", str(folder / "other.npy")]
+    with contextlib.redirect_stdout(io.StringIO()) as said:
+        code = run(["validate", str(scene_folder / "scene.xml"), "-m", "llvm_ad_rgb", *options])
+    mi.set_log_level(mi.LogLevel.Error)
+    counts = re.search(r"(\d+) unexplained, (\d+) explained", said.getvalue())
+    assert counts, said.getvalue()
+    unexplained, explained = map(int, counts.groups())
+    print(f"exit code {code}, {unexplained} unexplained, {explained} explained")
+    return code == 1 and unexplained > 0 and explained <= MOST_EXPLAINED * (unexplained + explained)
 
 
 @contextlib.contextmanager
@@ -166,13 +179,6 @@ def truth(
     forget()
     yield truths[0]
     forget()
-
-
-def caught(judgement: Judgement) -> bool:
-    """Tell whether a fault is seen, and not explained away; say what was made of it."""
-    unexplained, explained = judgement.count(Status.UNEXPLAINED), judgement.count(Status.EXPLAINED)
-    print(f"{unexplained} unexplained, {explained} explained")
-    return unexplained > 0 and explained <= MOST_EXPLAINED * (unexplained + explained)
 
 
 def test_the_scene_without_faults_is_good(truth: Truth) -> None:
@@ -330,8 +336,7 @@ def test_another_scene_is_caught(truth: Truth, fault: str, tmp_path: Path) -> No
     text = SCENE.replace(before, after)
     if "crop" in fault:  # a wider film of which all but the first column is drawn
         text = text.replace(f'name="width" value="{WIDTH}"', f'name="width" value="{WIDTH + 1}"')
-    np.save(tmp_path / "other.npy", draw(tmp_path, text))
-    assert truth.is_caught("--against", str(tmp_path / "other.npy"))
+    assert truth.catches(draw(tmp_path, text), tmp_path)
 
 
 def test_a_triangle_turned_over_is_caught(truth: Truth, tmp_path: Path) -> None:
@@ -339,12 +344,12 @@ def test_a_triangle_turned_over_is_caught(truth: Truth, tmp_path: Path) -> None:
     bare = "\n".join(line for line in HILL.splitlines() if line[:2] == "v ")
     faces = ["f 1 5 2", "f 4 5 1"]
     flat = SCENE.replace('value="hill.obj"/>', 'value="hill.obj"/><boolean name="face_normals" value="true"/>')
-    plain = draw(tmp_path, flat, "\n".join([bare, *faces, ""]))
-    scene = whitted_reference.load(tmp_path / "scene.xml")
-    known = bounds.measure(scene, Here())
-    assert judge(scene, known, plain, Here()).good
-    turned = draw(tmp_path, flat, "\n".join([bare, "f 1 2 5", *faces[1:], ""]))
-    assert caught(judge(scene, known, turned, Here()))
+    other = tmp_path / "other"
+    other.mkdir()
+    turned = draw(other, flat, "\n".join([bare, "f 1 2 5", *faces[1:], ""]))
+    draw(tmp_path, flat, "\n".join([bare, *faces, ""]))
+    assert run(["validate", str(tmp_path / "scene.xml"), "-m", "llvm_ad_rgb"]) == 0
+    assert command_catches(tmp_path, turned, other)
 
 
 # ------------------------------------------------------------------------------------------- the reference
@@ -378,18 +383,21 @@ REFERENCE: dict[str, Patch] = {
 
 
 @pytest.mark.parametrize("fault", REFERENCE)
-def test_a_fault_of_the_reference_is_caught(truth: Truth, fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_of_the_reference_is_caught(
+    truth: Truth, fault: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     REFERENCE[fault](monkeypatch)
-    faulty = bounds.measure(truth.scene, Here())
-    assert caught(judge(truth.scene, faulty, truth.picture, Here()))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # what was traced without the fault is kept elsewhere
+    assert truth.is_caught()
 
 
 # ----------------------------------------------------------------------------------------------- the judge
-def test_a_judge_without_bounds_is_caught(truth: Truth, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_judge_without_bounds_is_caught(truth: Truth, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     replaced(rounding.Rounding, "bound", lambda f: lambda self, tree: f(self, tree)._replace(colour=np.zeros(3)))(
         monkeypatch
     )
-    assert caught(judge(truth.scene, bounds.measure(truth.scene, Here()), truth.picture, Here()))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert truth.is_caught()
 
 
 def test_a_judge_that_turns_no_decision_is_caught(llvm_ad_rgb: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -448,22 +456,22 @@ def seen(truth: Truth, what: Callable[[Any], Any]) -> np.ndarray:
     return np.array(answers)
 
 
-def test_magenta_silhouettes_are_caught(truth: Truth) -> None:
+def test_magenta_silhouettes_are_caught(truth: Truth, tmp_path: Path) -> None:
     picture = truth.picture.copy()
     picture[edges(seen(truth, lambda root: root.shape))] = (1.0, 0.0, 1.0)
-    assert caught(truth.judge(picture))
+    assert truth.catches(picture, tmp_path)
 
 
-def test_darker_shadow_edges_are_caught(truth: Truth) -> None:
+def test_darker_shadow_edges_are_caught(truth: Truth, tmp_path: Path) -> None:
     picture = truth.picture.copy()
     picture[edges(seen(truth, lambda root: tuple(light.blocked_by for light in root.lights)))] *= 0.9
-    assert caught(truth.judge(picture))
+    assert truth.catches(picture, tmp_path)
 
 
-def test_a_pixel_that_is_not_a_number_is_caught(truth: Truth) -> None:
+def test_a_pixel_that_is_not_a_number_is_caught(truth: Truth, tmp_path: Path) -> None:
     picture = truth.picture.copy()
     picture[5, 7, 1] = np.nan
-    assert caught(truth.judge(picture))
+    assert truth.catches(picture, tmp_path)
 
 
 def test_draws_do_not_depend_on_anything_but_the_pixel(truth: Truth) -> None:

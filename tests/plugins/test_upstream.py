@@ -119,10 +119,10 @@ def test_no_ray_slips_through_an_edge_with_the_robust_flag(llvm_ad_rgb: str) -> 
 
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one thread has one order")
 @pytest.mark.xfail(
-    strict=True, reason="vertex normals are summed in the order of threads; hence the limit in the README"
+    strict=False, reason="vertex normals are summed in the order of threads; hence the limit in the README"
 )
 def test_a_mesh_without_normals_gets_the_same_ones_at_every_loading(llvm_ad_rgb: str) -> None:
-    """About one loading in ten differs."""
+    """About one loading in ten differs on idle cores; on busy ones all may be alike by luck, hence not strict."""
     seen: set[bytes] = set()
     for _ in range(500):
         mesh = mi.load_dict({"type": "ply", "filename": str(scene_files.SCENES / "meshes" / "knot.ply")})
