@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -50,7 +51,7 @@ class Plan:
             if value:
                 needed.append(f"  {words}")
             else:
-                name = part.metadata["words"].removesuffix(" on {}").removesuffix(" from {}")
+                name = re.sub(r"( on| from| of|:) \{\}$", "", part.metadata["words"])
                 left_out.append(f"  {name}: {part.metadata['without']}")
         return "\n".join(["in the kernel:", *(needed or ["  nothing"]), "left out:", *(left_out or ["  nothing"])])
 

@@ -132,21 +132,23 @@ class Stamp:
     """
 
     def __init__(self, places: list[tuple[Any, Any, mi.Object]]) -> None:
-        self._places = places
-        self._held = dr.copy(self._read())
-        self._indices, self._numbers = _identities(self._held)
+        values = [read(*place) for place in places]
+        plain = [isinstance(value, (bool, int, float)) for value in values]
+        self._live = [value for value, is_plain in zip(values, plain, strict=True) if not is_plain]
+        """Dr.Jit's own objects, as their owners hold them: an edit shows in them."""
+        self._numbers_at = [place for place, is_plain in zip(places, plain, strict=True) if is_plain]
+        self._numbers = self._read_numbers()
+        self._held = dr.copy(self._live)
+        self._indices = dr.detail.collect_indices(self._held)
 
     def is_current(self) -> bool:
         """Whether no value was replaced since. Without Dr.Jit nobody can tell, and the answer is no."""
-        return bool(dr.is_jit_v(mi.Float)) and _identities(self._read()) == (self._indices, self._numbers)
+        if not dr.is_jit_v(mi.Float):
+            return False
+        return dr.detail.collect_indices(self._live) == self._indices and self._read_numbers() == self._numbers
 
-    def _read(self) -> list[Any]:
-        return [read(where, kind, owner) for where, kind, owner in self._places]
-
-
-def _identities(values: list[Any]) -> tuple[list[int], list[Any]]:
-    numbers = [value for value in values if isinstance(value, (bool, int, float))]
-    return dr.detail.collect_indices(values), numbers
+    def _read_numbers(self) -> list[Any]:
+        return [read(*place) for place in self._numbers_at]
 
 
 def recorder(node: Node) -> mi.TraversalCallback:
