@@ -168,8 +168,8 @@ def test_the_pixel_is_told_with_object_light_and_bounces(browser: Browser, judge
 def test_unequal_pixels_are_listed_as_in_the_results_and_lead_there(browser: Browser, judged: Judged) -> None:
     browser.open(judged.page)
     listed = browser.ask("[...document.querySelectorAll('.unequal button')].map((b) => b.textContent)")
-    assert set(listed) == {f"{d['x']}, {d['y']}" for d in judged.facts["differences"]}
-    assert listed[-1] == "6, 4"  # what is no number comes before a finite error
+    assert listed == [f"{d['x']}, {d['y']}" for d in judged.facts["differences"]]
+    assert listed == ["5, 3", "15, 11", "6, 4"]  # what is no number comes before a finite error
     browser.ask("document.querySelectorAll('.unequal button')[2].click()")
     assert browser.text(".place") == "pixel 6, 4"
     assert browser.text(".told").startswith("Unexplained.")
@@ -183,6 +183,15 @@ def test_unexplained_pixels_are_listed_before_explained_ones(browser: Browser, t
     browser.open(tmp_path / "report.html")
     listed = browser.ask("[...document.querySelectorAll('.unequal button')].map((b) => b.textContent)")
     assert listed == ["0, 1", "1, 0", "1, 1", "2, 0"]
+
+
+def test_pixels_are_listed_in_the_order_in_which_they_are_told_of(browser: Browser, tmp_path: Path) -> None:
+    b = np.zeros((1, 4, 3))
+    told = {"2,0": "c", "0,0": "a", "3,0": "d"}
+    report.write(tmp_path, {}, "t", [report.Viewer(b + 1, b, status=np.array([[2, 2, 2, 1]], np.uint8), told=told)])
+    browser.open(tmp_path / "report.html")
+    listed = browser.ask("[...document.querySelectorAll('.unequal button')].map((b) => b.textContent)")
+    assert listed == ["2, 0", "0, 0", "3, 0", "1, 0"]
 
 
 def srgb(linear: np.ndarray) -> list[int]:
@@ -303,9 +312,17 @@ def test_a_script_that_got_into_the_page_would_not_run(browser: Browser, judged:
 def test_an_explanation_shows_with_its_pixel(browser: Browser, tmp_path: Path) -> None:
     a = np.zeros((4, 5, 3), np.float32)
     explained = {"3,2": "<p>the ray meets nothing</p><img src=x onerror=hacked=1>"}
-    report.write(tmp_path, {}, "t", [report.Viewer(a, a.astype(float), explained=explained)])
+    command = "whitted explain 'a b.xml'", "--size=5x4"
+    status = np.zeros((4, 5), np.uint8)
+    shown = report.Viewer(a, a.astype(float), status=status, explained=explained, command=command)
+    report.write(tmp_path, {}, "t", [shown])
     browser.open(tmp_path / "report.html")
+    assert browser.text(".place") == "pixel 3, 2"  # where all are equal, one that has something to show
+    assert "the ray meets nothing" in browser.text(".rays")
+    assert browser.ask("document.querySelector('.not-drawn').hidden")
+    browser.ask("document.querySelector('.viewer').viewer.choose(0)")
     assert browser.ask("document.querySelector('.rays').hidden")
+    assert browser.text(".not-drawn code") == "whitted explain 'a b.xml' 0 0 --size=5x4"
     across, down = browser.place(3, 2)
     for kind in ("mousePressed", "mouseReleased"):
         browser.send("Input.dispatchMouseEvent", type=kind, x=across, y=down, button="left", buttons=1, clickCount=1)

@@ -7,6 +7,7 @@ import html.parser
 import json
 import math
 import random
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -17,25 +18,20 @@ import pytest
 
 import whitted_reference
 from whitted_reference.float32 import fma
-from whitted_reference.scene import Sphere
 from whitted_validation import explain, scene_files
 from whitted_validation.bounds import Bounds
 from whitted_validation.cli import run
 from whitted_validation.explanation import report
 from whitted_validation.explanation.comparison import (
-    LONGEST_NAME,
     Pair,
     growth,
-    named,
     paired,
     partings,
     values,
 )
-from whitted_validation.explanation.drawing import WIDTH
 from whitted_validation.explanation.explanation import Explainer, Explanation, cut_out
-from whitted_validation.explanation.labels import Labels
-from whitted_validation.explanation.outlines import hull, outlines
 from whitted_validation.explanation.terminal import WIDTH as COLUMNS
+from whitted_validation.printable import LONGEST_NAME, named
 from whitted_validation.refusal import Refusal
 from whitted_validation.request import Request
 from whitted_validation.validation import validate
@@ -384,77 +380,6 @@ def test_names_are_quoted_and_cut() -> None:
     assert len(named("x" * 1000)) == LONGEST_NAME + 2
 
 
-@pytest.mark.parametrize("name", ["many_spheres", "smooth_mesh", "hall_of_mirrors"])
-def test_the_drawing_of_a_large_scene_stays_small_and_in_its_frame(llvm_ad_rgb: str, name: str) -> None:
-    drawing = explain(name, 256, 256, variant=llvm_ad_rgb).drawing()
-    assert len(drawing) < 100_000
-    root = ET.fromstring(drawing)
-    for svg in root.iter("svg"):
-        height = float(svg.attrib["viewBox"].split()[3])
-        labels = list(svg.iter("text"))
-        assert 1 <= len(labels) <= 12
-        for label in labels:
-            assert 0 <= float(label.attrib["x"]) <= WIDTH
-            assert 0 <= float(label.attrib["y"]) <= height
-
-
-# ----------------------------------------------------------------------------------------- the drawing
-def test_the_drawing_shows_hits_lights_and_shadow_rays(llvm_ad_rgb: str) -> None:
-    root = ET.fromstring(explain("shadows", 200, 300, variant=llvm_ad_rgb).drawing())
-    for svg in root.iter("svg"):
-        texts = {text.text for text in svg.iter("text")}
-        assert {"eye", "p0 floor", "red_lamp", "green_lamp", "blue_sun"} == texts
-        lines = [line.get("class") for line in svg.iter("line")]
-        assert lines.count("shadow lit") == 2
-        assert lines.count("shadow blocked") == 1
-        kinds = [path.attrib["class"] for path in svg.iter("path")]
-        assert kinds.count("touched") == kinds.count("blocker") == 1
-
-
-def test_left_in_the_picture_is_left_in_the_plan(llvm_ad_rgb: str) -> None:
-    for x, sign in ((150, -1), (360, 1)):
-        plan = next(ET.fromstring(explain("shadows", x, 330, variant=llvm_ad_rgb).drawing()).iter("svg"))
-        across = {c.attrib["class"]: float(c.attrib["cx"]) for c in plan.iter("circle") if "class" in c.attrib}
-        assert (across["hit"] - across["eye"]) * sign > 10
-
-
-def test_the_outline_of_a_ball_is_its_radius_away_under_any_placement() -> None:
-    """An outline point along w is farthest there: w.x = |P^T w|, the support function of P applied to the ball."""
-    scene_ = whitted_reference.load(scene_files.find("instances"))
-    axes = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0][:2]
-    balls = [s for s in whitted_reference.load(scene_files.find("many_spheres")).shapes if isinstance(s, Sphere)]
-    assert {ball.radius for ball in balls} - {1.0}
-    rounding = 64 * 2.0**-53
-    for ball, outline in zip(balls, outlines(balls, axes), strict=True):
-        off = np.linalg.norm(outline.rings[0] - axes @ np.array(ball.centre), axis=1)
-        assert np.abs(off - ball.radius).max() <= rounding * (ball.radius + np.abs(ball.centre).max())
-    inner = [o for o in outlines(scene_.shapes, axes) if "/" in o.id]
-    assert inner
-    assert all(np.isfinite(ring).all() for o in inner for ring in o.rings)
-
-
-def test_the_hull_holds_every_point_and_only_points() -> None:
-    points = np.random.default_rng(2).integers(-20, 20, size=(200, 2)).astype(float)  # with many in line
-    corners = hull(points)
-    ends = np.roll(corners, -1, axis=0)
-    side = ends - corners
-    for point in points:
-        to = point - corners
-        assert (side[:, 0] * to[:, 1] - side[:, 1] * to[:, 0] >= 0).all()  # integers: exact
-    assert {tuple(c) for c in corners} <= {tuple(p) for p in points}
-
-
-def test_labels_cover_each_other_only_where_there_is_no_room() -> None:
-    labels = Labels(380, 300)
-    for i in range(6):
-        labels.put(f"label {i}", np.array([190.0, 150.0]), "label")
-    root = ET.fromstring(f"<svg>{labels.placed()}</svg>")
-    boxes = [(float(t.attrib["x"]), float(t.attrib["y"]), 6.4 * len(t.text or "")) for t in root]
-    for i, (x, y, width) in enumerate(boxes):
-        for other_x, other_y, other_width in boxes[:i]:
-            assert x + width <= other_x or other_x + other_width <= x or abs(y - other_y) >= 14
-
-
 # ------------------------------------------------------------------------------- the command and the report
 def test_the_command_prints_the_explanation(
     tmp_path: Path, llvm_ad_rgb: str, capsys: pytest.CaptureFixture[str]
@@ -484,7 +409,7 @@ def test_samples_that_go_the_same_way_are_told_of_together(tmp_path: Path, llvm_
         (["5", "0"], "small.xml: there is no pixel 5 0 in a picture of 5 x 5; allowed are 0 0 to 4 4"),
         (["0", "x"], "Invalid value for 'Y': 'x' is not a valid integer."),
         (["0", "0", "-s", "1"], "small.xml: there is no -s 1; its only sensor is 0"),
-        (["0", "0", "-m", "llvm_ad_mono"], "-m llvm_ad_mono: pixels are explained in rgb variants"),
+        (["0", "0", "-m", "llvm_ad_spectral"], "-m llvm_ad_spectral: pixels are explained in rgb and mono variants"),
         (["0"], "Missing argument 'Y'."),
     ],
 )
@@ -512,6 +437,36 @@ def test_the_report_of_validate_explains_what_differs_and_some_of_the_rest(tmp_p
     colour = verdict.judgement.picture[3, 4]
     assert " ".join(f"{c:>14.9g}" for c in colour) in found["4,3"]
     assert report.explained(dataclasses.replace(verdict, against="a.exr", variant=""), request, None) == {}
+
+
+def test_in_grey_every_colour_is_one_number_in_both(tmp_path: Path, llvm_ad_mono: str) -> None:
+    body = floor('<float name="specular_reflectance" value="0.5"/><float name="mirror_reflectance" value="0.5"/>')
+    sky = '<emitter type="constant"><float name="radiance" value="0.25"/></emitter>'
+    file = scene(tmp_path, body + lamp() + sky, '<rgb name="ambient" value="0.1, 0.2, 0.3"/>')
+    explanation = explain(file, 2, 2, variant=llvm_ad_mono)
+    places = {"o", "d", "p", "n", "n_g", "r"}
+    for side in (explanation.plugin, explanation.reference):
+        rays = side.samples[0].rays
+        kept = [values for ray in rays for name, values in vars(ray).items() if name not in places]
+        kept += [getattr(rays[0].lights[0], name) for name in ("irradiance", "diffuse", "specular", "colour")]
+        assert {len(values) for values in kept if isinstance(values, tuple)} <= {0, 1}  # none of the background
+    assert len(explanation.plugin.colour) == len(explanation.reference.colour) == 1
+    assert explanation.status is Status.EQUAL
+    verdict = validate(file, variant=llvm_ad_mono)
+    found = report.explained(verdict, Request(str(file), llvm_ad_mono, {}, [], None, 0), None)
+    assert f'<td class="number">{verdict.judgement.picture[2, 2, 0]:>14.9g}</td>' in found["2,2"]
+
+
+def test_size_is_that_of_validate(tmp_path: Path, llvm_ad_rgb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """What the page says explains any other pixel."""
+    file = scene(tmp_path, floor() + lamp())
+    assert run(["validate", str(file), "--size", "9x7", "--grid", "2", "--report", str(tmp_path / "out")]) == 0
+    page = (tmp_path / "out" / "report.html").read_text()
+    before, after = json.loads(re.findall(r'"command":(\[[^]]*\])', page)[0])
+    assert after == "--size=9x7 --grid=2"
+    capsys.readouterr()
+    assert run([*before.split()[1:], "8", "6", *after.split()]) == 0
+    assert "pixel (8, 6) of 9 x 7, mean of 2 x 2 samples" in capsys.readouterr().out
 
 
 def test_the_worst_pixels_are_explained_first() -> None:

@@ -317,7 +317,7 @@ def test_what_is_not_whole_is_never_called_100_percent(pixels: int) -> None:
         ("facing of `a`, bounce 0", "where `a` turns its back to the ray"),
         ("spot cone of torch of `a`, bounce 0", "on `a` at the rim of the cone of `torch`"),
         ("something new", "by “something new”"),
-        ("silhouette of `a`, light `b`, bounce 7`, bounce 0", "on the shadow edge of `a` from `b`, bounce 7`"),
+        ("silhouette of `a`, light `b`, bounce 7`, bounce 0", "on the shadow edge of `a` from `b', bounce 7`"),
     ],
 )
 def test_a_turned_decision_is_told_as_a_place(reason: str, place: str) -> None:

@@ -15,10 +15,14 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+import whitted_reference
 import whitted_validation
 from whitted_validation.cli import run
 from whitted_validation.refusal import Refusal
+from whitted_validation.report.verdicts import _scene
+from whitted_validation.seen import look
 from whitted_validation.validation import Here
+from whitted_validation.verdict import Status
 
 SCENE = """<scene version="3.0.0"><integrator type="whitted"/>
   <sensor type="perspective"><film type="hdrfilm"><integer name="width" value="12"/><integer name="height" value="8"/>
@@ -105,6 +109,49 @@ def test_another_picture_ends_with_1_and_the_worst_pixel_first(
         assert facts["sentence"].startswith("97.91 % of 96 pixels agree within their bound; 2 differ without")
         assert all(d["told"].startswith("Unexplained. A and B differ by more than") for d in facts["differences"])
     assert "2 unexplained" in capsys.readouterr().out
+
+
+def test_what_the_reader_of_a_given_picture_remarks_is_said(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene.write_text(SCENE.replace("EXTRA", '<emitter type="constant" id="sky"/>'))
+    picture = whitted_validation.validate(scene, executor=Here()).judgement.picture
+    capsys.readouterr()
+    np.save(tmp_path / "other.npy", np.dstack([picture, np.full((8, 12), 0.5)]))
+    assert judged([str(scene), "--against", str(tmp_path / "other.npy"), "--report", str(tmp_path)]) == 0
+    remarks = [f"{tmp_path / 'other.npy'}: alpha, not 1 in 96 pixels, is left out"]
+    remarks += whitted_reference.load(scene).messages
+    assert capsys.readouterr().err.splitlines() == [f"whitted: {remark}" for remark in remarks]
+    (facts,) = json.loads((tmp_path / "results.json").read_text())["scenes"]
+    assert facts["remarks"] == remarks
+    assert remarks[0] in (tmp_path / "report.html").read_text()
+
+
+def test_what_is_off_its_bound_for_a_turned_decision_does_not_count_for_the_largest_ratio(scene: Path) -> None:
+    verdict = whitted_validation.validate(scene, executor=Here())
+    seen = look(verdict.description, Here())
+    before = _scene(verdict, seen)["by_bounce"][0]["ratio"]
+    verdict.judgement.picture[4, 6] += 0.25
+    for status, larger in ((Status.EXPLAINED, False), (Status.UNEXPLAINED, True)):
+        verdict.judgement.status[4, 6] = status
+        ratio = _scene(verdict, seen)["by_bounce"][0]["ratio"]
+        assert ratio > 1 if larger else 0 < ratio <= before
+
+
+def test_no_name_reaches_the_terminal_as_a_command(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hostile = tmp_path / "a\x1b]0;title\x07\u202eb\nc.xml"
+    for arguments in ([], ["--against", str(hostile)]):
+        assert judged([str(scene), "--size", "9\x1bx", *arguments]) == 2
+        assert judged([str(hostile), *arguments]) == 2
+    scene.rename(hostile)
+    assert judged([str(hostile)]) == 0
+    captured = capsys.readouterr()
+    lines = (captured.out + captured.err).splitlines()
+    assert len(lines) == 6
+    assert all(line.isprintable() for line in lines)
+    assert r"a\x1b]0;title\x07\u202eb" in lines[0]
 
 
 @pytest.mark.parametrize(

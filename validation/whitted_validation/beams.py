@@ -9,9 +9,9 @@ import numpy as np
 
 from whitted_reference.instances import Placed
 from whitted_reference.margins import Place, passing
-from whitted_reference.shapes import Cylinder, Disk, Primitive, Sphere
+from whitted_reference.shapes import Cylinder, Primitive, Sphere
 from whitted_reference.vectors import Vec, dot
-from whitted_validation.forms import Matrix, length
+from whitted_validation.forms import length
 from whitted_validation.patch import matrices
 from whitted_validation.rounding import Ray
 from whitted_validation.roundoffs import EDGE_TEST, QUADRATIC_TEST, TRANSFORMED, U
@@ -67,7 +67,11 @@ class Beam:
         return 8 * U * abs(t) + (self.aside(primitive, t) / cosine if cosine > 0.0 else math.inf)
 
     def aside(self, primitive: Primitive, t: float) -> float:
-        """Bound how far the ray is off across itself at distance t, and the test of the primitive with it."""
+        """Bound how far the ray is off across itself at distance t, and the test of the primitive with it.
+
+        Skewed axes make the coordinates on a disk inexact; but so much shorter is its smaller half-axis, in which its
+        margin is measured (`margins`).
+        """
         e_form, d_form = self.errors.e, self.errors.d
         moved = np.zeros((3, max(e_form.shape[1], d_form.shape[1])))
         moved[:, : e_form.shape[1]] = e_form
@@ -77,22 +81,14 @@ class Beam:
         at = float(np.linalg.norm(np.maximum(np.abs(low), np.abs(high)))) + math.hypot(*self.e)
         aside = length(moved) + self.errors.offset + EDGE_TEST * (abs(t) + size) + TRANSFORMED * at
         inner = primitive
-        matrix: Matrix = np.eye(3)
         if isinstance(primitive, Placed):
-            matrix = np.asarray(np.linalg.inv(matrices(primitive)[1]), float)
             inner = primitive.primitive
             if isinstance(inner, Sphere):  # of an ellipsoid the ray is brought inside: there and back
-                spread = float(np.linalg.norm(np.abs(matrix) @ np.abs(matrices(primitive)[1]), 2))
+                _, inverse = matrices(primitive)
+                spread = float(np.linalg.norm(np.abs(np.linalg.inv(inverse)) @ np.abs(inverse), 2))
                 aside += TRANSFORMED * at * (spread - 1.0)
             else:  # a vertex, or each number of a matrix, is put into world space in float64 and rounded once
                 aside += U * at
         if isinstance(inner, Cylinder):
             aside += QUADRATIC_TEST * (abs(t) + size) ** 2 / math.sqrt(float(inner.data[7]))
-        if isinstance(inner, Disk):
-            # The two coordinates round each by itself. Where its axes are nearly one line their errors do not cancel
-            # in x^2 + y^2 as the coordinates do: the rows of the inverse have a least singular value of
-            # sqrt(1 - |cosine|), as unit vectors.
-            a, b = (matrix @ np.array(axis, float) for axis in inner.frame[:2])
-            cosine = abs(float(a @ b)) / float(np.linalg.norm(a) * np.linalg.norm(b))
-            aside += EDGE_TEST * (abs(t) + size) * (1.0 / math.sqrt(max(1.0 - cosine, U)) - 1.0)
         return aside if math.isfinite(aside) else math.inf

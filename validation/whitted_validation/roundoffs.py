@@ -2,7 +2,8 @@
 
 u = 2^-24 bounds the relative error of one rounding to float32. The counts below are those of formulas as a
 careful float32 tracer has them, dot products by fused multiply-adds (three roundings, of partial sums that
-never exceed the sum of the sizes of the products).
+never exceed the sum of the sizes of the products). Coordinates count as they stand in the scene: a tracer that
+first moves a far scene to the origin stays within these bounds, which are then looser than they need be.
 """
 
 from __future__ import annotations

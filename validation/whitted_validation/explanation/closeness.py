@@ -15,7 +15,7 @@ from whitted_reference.shapes import Primitive
 from whitted_reference.textures import beyond_nearest_edge
 from whitted_reference.trace import Tracer
 from whitted_reference.vectors import dot
-from whitted_validation.explanation.comparison import named
+from whitted_validation.printable import named
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitsuba_whitted.seen import LightSeen, Numbers, RaySeen, SampleSeen
-from whitted_validation.printable import printable
+from whitted_validation.printable import named
 
 
 @dataclass(frozen=True)
@@ -183,14 +183,3 @@ _OF_LIGHT = [
     ("k_s I (n.h)^p", "specular"),
     ("colour", "colour"),
 ]
-
-
-LONGEST_NAME = 40
-
-
-def named(name: str | None) -> str:
-    """Quote an id from a file for people: what does not print is spelt out, what is too long is cut, quotes differ."""
-    if name is None:
-        return "nothing"
-    text = printable(name).replace("`", "'")
-    return f"`{text if len(text) <= LONGEST_NAME else text[: LONGEST_NAME - 3] + '...'}`"

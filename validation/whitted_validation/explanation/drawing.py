@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from mitsuba_whitted.seen import LightSeen, RaySeen
 from whitted_reference import scene
-from whitted_validation.explanation.comparison import named
 from whitted_validation.explanation.labels import Labels
 from whitted_validation.explanation.outlines import Outline, outlines
+from whitted_validation.printable import named
 
 Array = NDArray[np.float64]
 

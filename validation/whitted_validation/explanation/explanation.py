@@ -18,7 +18,7 @@ from whitted_reference.scene import Scene
 from whitted_validation.bounds import Bounds, measure
 from whitted_validation.explanation.closeness import Closeness
 from whitted_validation.explanation.comparison import Pair, growth, paired, partings, values
-from whitted_validation.explanation.reference_side import seen_by_reference
+from whitted_validation.explanation.reference_side import in_grey, seen_by_reference
 from whitted_validation.explanation.story import story
 from whitted_validation.explanation.tree import Branch, alike, tree_of
 from whitted_validation.refusal import Refusal, no_such_sensor
@@ -202,10 +202,11 @@ class Explainer:
     def __init__(self, request: Request, sensor: int = 0, grid: int = 1, size: tuple[int, int] | None = None) -> None:
         self._request, self._sensor, self._grid, self._size = request, sensor, grid, size
         self._file = file = request.seen.file
-        if request.variant is not None and not request.variant.endswith("_rgb"):
-            raise Refusal(f"-m {request.variant}: pixels are explained in rgb variants")
+        if request.variant is not None and not request.variant.endswith(("_rgb", "_mono")):
+            raise Refusal(f"-m {request.variant}: pixels are explained in rgb and mono variants")
+        self._grey = (request.variant or "").endswith("_mono")
         try:
-            scene = whitted_reference.load(file, request.defines, request.folders)
+            scene = whitted_reference.load(file, request.defines, request.folders, self._grey)
         except whitted_reference.SceneError as error:
             raise Refusal(str(error)) from None
         if not 0 <= sensor < len(scene.sensors):
@@ -250,6 +251,8 @@ class Explainer:
             for i in range(n)
         ]
         reference = PixelSeen(samples, self._recorder.pixel(x, y, n))
+        if self._grey:
+            reference = in_grey(reference)
         its_own = self._judged(x, y, plugin.colour) if judgement is None else cut_out(judgement, x, y)
         return Explanation(self._file, n, x, y, self._scene, self._sensor, plugin, reference, its_own, self._closeness)
 
@@ -261,7 +264,7 @@ class Explainer:
         sensors[self._sensor] = replace(sensors[self._sensor], film=only)
         scene = replace(self._scene, sensors=tuple(sensors))
         bounds = measure(scene, Here(), self._grid, self._sensor)
-        picture = np.array(colour, float).reshape(1, 1, 3)
+        picture = np.broadcast_to(np.array(colour, float), (1, 1, 3))
         return judge(scene, bounds, picture, Here(), self._grid, self._sensor)
 
 

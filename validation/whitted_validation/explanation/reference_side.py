@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import fields, replace
+from typing import Any, TypeVar
 
-from mitsuba_whitted.seen import LightSeen, Numbers, RaySeen, SampleSeen
+from mitsuba_whitted.seen import LightSeen, Numbers, PixelSeen, RaySeen, SampleSeen
 from whitted_reference.lights import Light, Point
 from whitted_reference.materials import Terms
 from whitted_reference.ray_tree import LightNode, RayNode, Recorder, Tree
 from whitted_reference.scene import Scene
 from whitted_reference.vectors import BLACK, Colour, Vec, dot, scaled, sub
+
+_COLOURS = ("throughput", "emitted", "ambient", "k_d", "k_s", "k_m", "irradiance", "diffuse", "specular", "colour")
+
+Seen = TypeVar("Seen", PixelSeen, SampleSeen, RaySeen, LightSeen)
 
 
 def seen_by_reference(scene: Scene, recorder: Recorder, tree: Tree, eye: Vec | None) -> SampleSeen:
@@ -30,6 +36,17 @@ def seen_by_reference(scene: Scene, recorder: Recorder, tree: Tree, eye: Vec | N
         rays.append(ray)
         throughput = _times(throughput, ray.k_m or BLACK)
     return SampleSeen(rays, tree.colour)
+
+
+def in_grey(seen: Seen) -> Seen:
+    """Keep one of three equal channels of every colour, as the plugin does in a mono variant."""
+    values: dict[str, Any] = {}
+    for part in fields(seen):
+        value = getattr(seen, part.name)
+        values[part.name] = value[:1] if part.name in _COLOURS else value
+        if isinstance(value, list):
+            values[part.name] = [in_grey(each) for each in value]
+    return replace(seen, **values)
 
 
 def _chain(node: RayNode | None) -> Iterator[RayNode]:

@@ -52,9 +52,9 @@ def write_explanation(folder: Path, explanation: Explanation) -> None:
 def explained(verdict: Verdict, request: Request, size: tuple[int, int] | None) -> dict[str, str]:
     """Explain the pixels of a picture that differ, and some typical ones: {"x,y": HTML for a page with `STYLE`}.
 
-    There is nothing to explain where the picture came from elsewhere, and grey pictures are not explained.
+    There is nothing to explain where the picture came from elsewhere.
     """
-    if not verdict.variant.endswith("_rgb"):
+    if verdict.against:
         return {}
     judgement = verdict.judgement
     # What is to be said of the scene was said when its picture was drawn.

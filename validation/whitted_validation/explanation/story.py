@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 
 from mitsuba_whitted.seen import LightSeen, Numbers, RaySeen, SampleSeen
 from whitted_reference.scene import Settings
-from whitted_validation.explanation.comparison import named, status
+from whitted_validation.explanation.comparison import status
+from whitted_validation.printable import named
 
 MOST_NAMED = 3
 """So many names stand in one sentence; of the others it says how many there are."""
@@ -44,6 +45,8 @@ def _share(rays: Sequence[RaySeen], colour: Numbers) -> str:
 
 
 def _brightness(colour: Sequence[float]) -> float:
+    if len(colour) == 1:
+        return colour[0]
     return sum(weight * channel for weight, channel in zip(LUMINANCE, colour, strict=True))
 
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 from mitsuba_whitted.seen import LightSeen, Numbers, RaySeen, SampleSeen
 from whitted_validation.explanation.closeness import Closeness
-from whitted_validation.explanation.comparison import Pair, Ray, light_pair, named, paired, status
+from whitted_validation.explanation.comparison import Pair, Ray, light_pair, paired, status
+from whitted_validation.printable import named
 
 MOST_LIGHTS = 12
 """So many lights of a hit are listed; of a hundred, those that add most."""

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from whitted_validation.printable import named
 from whitted_validation.verdict import Difference, Status
 
 # As `Alternative.reasons` writes them; ids come from files and may hold anything.
@@ -59,22 +60,22 @@ def place(reason: str) -> str:
     match = _REASON.fullmatch(reason)
     if match is None:
         return f"by “{reason}”"
-    kind, shape, light, k = match["kind"], match["shape"], match["light"], int(match["k"])
+    kind, shape, light, k = match["kind"], named(match["shape"]), named(match["light"]), int(match["k"])
     mirrored = "" if k == 0 else " seen in a mirror" if k == 1 else f" seen over {k} mirrors"
     if kind == "facing":
-        return f"where `{shape}` turns its back to the ray{mirrored}"
+        return f"where {shape} turns its back to the ray{mirrored}"
     if kind == "mirror":
-        return f"where the mirror ray grazes `{shape}`{mirrored}"
+        return f"where the mirror ray grazes {shape}{mirrored}"
     if kind == _HORIZON:
-        return f"where `{shape}` turns away from `{light}`{mirrored}"
+        return f"where {shape} turns away from {light}{mirrored}"
     if kind.startswith("spot cone of "):
-        return f"on `{shape}` at the rim of the cone of `{kind.removeprefix('spot cone of ')}`{mirrored}"
-    if light is not None:
+        return f"on {shape} at the rim of the cone of {named(kind.removeprefix('spot cone of '))}{mirrored}"
+    if match["light"] is not None:
         edge = "shadow edge" if kind == "silhouette" else f"shadow edge ({kind})"
-        return f"on the {edge} of `{shape}` from `{light}`{mirrored}"
+        return f"on the {edge} of {shape} from {light}{mirrored}"
     if kind == "silhouette":
-        return f"on the outline of `{shape}`{mirrored}"
-    return f"on {'an' if kind[0] in 'aeiou' else 'a'} {kind} of `{shape}`{mirrored}"
+        return f"on the outline of {shape}{mirrored}"
+    return f"on {'an' if kind[0] in 'aeiou' else 'a'} {kind} of {shape}{mirrored}"
 
 
 def why(difference: Difference, finite: bool = True) -> str:
