@@ -14,7 +14,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future, as_completed
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -196,8 +196,13 @@ class _Tools:
         self.follower = Follower(scene, sensor)
         self.rounding = Rounding(self.follower, Slopes(scene))
         self._level = Rounding(self.follower, Slopes(scene, level=True))
-        self.shaken = Shaken(scene, sensor)
         self.prover = Prover(scene, sensor)
+        self._description, self._sensor = scene, sensor
+
+    @cached_property
+    def shaken(self) -> Shaken:
+        """A second tracer, made for the first loose bound: of a large mesh that takes seconds."""
+        return Shaken(self._description, self._sensor)
 
     def cause(self, tree: Tree) -> Cause:
         """Say why the bound of a sample is loose."""

@@ -54,7 +54,7 @@ STYLE = """
 .explain table { border-collapse: collapse; font-size: .85rem; font-variant-numeric: tabular-nums; width: 100% }
 .explain table.colours { width: auto; font-size: 1rem }
 .explain .wide { overflow-x: auto }
-.explain th { text-align: right; font-weight: 500; color: var(--quiet); padding: .15rem .9rem .15rem 0 }
+.explain th { text-align: center; font-weight: 500; color: var(--quiet); padding: .15rem .9rem .15rem 0 }
 .explain td { padding: .1rem .9rem .1rem 0; border: 0; text-align: left; white-space: pre; vertical-align: top;
   background: none }
 .explain td.number { text-align: right; font-family: ui-monospace, Menlo, Consolas, "DejaVu Sans Mono", monospace }
