@@ -70,6 +70,55 @@ def speed(quick: bool, report: str | None) -> None:
     click.echo(speed_page.summary(results))
 
 
+@benchmark.command()
+@click.option("--quick", is_flag=True, help="Small pictures and few points: a look of a minute, not a measurement.")
+@click.option("--report", metavar="DIR", help="Write results.json and report.html to this folder.")
+def error(quick: bool, report: str | None) -> None:
+    """Measure error against cost: grids, pictures to a target error, and Mitsuba's own integrators.
+
+    Takes some fifteen minutes on two processors, and longer on a busy machine. What is measured is kept when the
+    command is interrupted.
+    """
+    from whitted_validation import variants
+
+    variants.choose("llvm_ad_rgb")  # or one line that says what is missing
+
+    import mitsuba as mi
+
+    from whitted_validation.benchmark import error_page
+    from whitted_validation.benchmark.error import FULL, QUICK, Results, run
+    from whitted_validation.benchmark.error_targets import outcomes
+
+    mi.set_variant("llvm_ad_rgb")
+    mi.set_log_level(mi.LogLevel.Error)
+    schedule = QUICK if quick else FULL
+    results = Results()
+
+    def save() -> None:
+        if report is not None:
+            error_page.write(Path(report), results, schedule, quick)
+
+    save()  # before any work: the folder can be written to
+    with tempfile.TemporaryDirectory(prefix="whitted_error_") as folder, _progress(schedule.count()) as (told, done):
+        shown = 0
+        for _ in run(schedule, Path(folder), results, told):
+            done()
+            lines = list(error_page.lines(results))
+            for line in lines[shown:]:
+                click.echo(line)
+            shown = len(lines)
+            save()
+        save()
+    if quick:
+        click.echo("A quick look at small pictures; most targets are those of the full measurement:")
+    for outcome in outcomes(results):
+        found = f": {outcome.measured}" if outcome.measured else ""
+        click.echo(f"{outcome.verdict:<13} {outcome.target.replace('`', '')}{found}")
+    for note in results.notes:
+        click.echo(note)
+    click.echo(error_page.summary(results))
+
+
 @contextmanager
 def _progress(count: int) -> Iterator[tuple[Callable[[str], Any], Callable[[], Any]]]:
     """Show a bar on a terminal; elsewhere nobody is watching."""

@@ -47,32 +47,32 @@ def write(folder: Path, results: Results, schedule: Schedule, quick: bool) -> No
         ],
         "scenes": {kind: _scene_facts(measured) for kind, measured in results.scenes.items()},
         "random": {seed: _row_facts(row) for seed, row in results.random.items()},
-        "sizes": {size: _plain(facts) for size, facts in results.sizes.items()},
-        "starts": {cache: _plain(begun) for cache, begun in results.starts.items()},
-        "large": _plain(results.large),
+        "sizes": {size: plain(facts) for size, facts in results.sizes.items()},
+        "starts": {cache: plain(begun) for cache, begun in results.starts.items()},
+        "large": plain(results.large),
         "load": results.load,
         "notes": results.notes,
     }
     report.write(folder, facts, "whitted benchmark speed", sections(results, schedule, quick))
 
 
-def _plain(x: Any) -> Any:
+def plain(x: Any) -> Any:
     """Turn dataclasses and named tuples into dictionaries, all the way down."""
     if dataclasses.is_dataclass(x) and not isinstance(x, type):
-        return {f.name: _plain(getattr(x, f.name)) for f in dataclasses.fields(x)}
+        return {f.name: plain(getattr(x, f.name)) for f in dataclasses.fields(x)}
     if isinstance(x, tuple) and hasattr(x, "_asdict"):
         return x._asdict()
-    return [_plain(each) for each in x] if isinstance(x, (list, tuple)) else x
+    return [plain(each) for each in x] if isinstance(x, (list, tuple)) else x
 
 
 def _scene_facts(measured: Measured) -> dict[str, Any]:
-    facts: dict[str, Any] = _plain(measured)
+    facts: dict[str, Any] = plain(measured)
     return facts | {"rows": [_row_facts(row) for row in measured.rows], "rays_per_second": rays_per_second(measured)}
 
 
 def _row_facts(row: Row) -> dict[str, Any]:
     configuration = BY_NAME[row.name]
-    facts: dict[str, Any] = _plain(row)
+    facts: dict[str, Any] = plain(row)
     return facts | {"family": configuration.family, "words": configuration.words}
 
 
@@ -115,7 +115,7 @@ def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]
             "threads, and the steadier of the two where other work shares the machine: its load was "
             f"{min(results.load, default=0):.1f} to {max(results.load, default=0):.1f} meanwhile."
         ),
-        _targets(held, quick),
+        targets_table(held, quick),
     ]
     for kind, measured in results.scenes.items():
         parts.append(_scene(kind, measured))
@@ -138,7 +138,8 @@ def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]
     return parts
 
 
-def _targets(held: list[Outcome], quick: bool) -> Group:
+def targets_table(held: list[Outcome], quick: bool) -> Group:
+    """Show what is to be reached, and what was."""
     note = "Small pictures and few pairs: a look, not a measurement." if quick else ""
     tones: dict[bool | None, Tone] = {True: "good", False: "bad", None: "quiet"}
     rows: list[list[str | float | Cell]]

@@ -1,0 +1,344 @@
+"""The measurement of error against cost: which scenes, which ways to draw them, and what is kept of each."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from whitted_validation import random_scenes
+from whitted_validation.benchmark import scenes
+from whitted_validation.benchmark.error_curves import Point
+from whitted_validation.benchmark.error_drawing import PEERS, Draw, Drawing, Image, Timed, for_peers, pixels
+from whitted_validation.benchmark.speed_pairs import compare as compare_times
+from whitted_validation.comparison import compare
+
+FROZEN = "65cb5bd575a25e00724725b67c09aa47980504ab"
+"""The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
+here: nobody could know them before.
+"""
+
+SEED = int(FROZEN[:8], 16)
+"""Of the scenes a, b and c."""
+
+FIRST_RANDOM = int(FROZEN[8:16], 16)
+"""Of the first random scene; the others follow."""
+
+PROMISED = (1e-2, 3e-3, 1e-3, 3e-4)
+"""Target errors of which the promise is judged."""
+
+MISSED = 1e-2
+"""A pixel with a hidden feature is missed if a channel is off by more."""
+
+LOOKS = 16
+"""Hidden features are looked for by a grid of so many samples a side of the pixel."""
+
+GRID, TARGET = "grid", "target error"
+
+ONE_SAMPLE = 1
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """What is to be measured.
+
+    Attributes
+    ----------
+    kinds : letters of the scenes
+    size : of their pictures, in pixels
+    grids : samples along the side of a pixel
+    targets : target errors
+    converged : samples along the side of a pixel of the converged pictures
+    refined : target error of the picture that they are checked against
+    samplers, spp, peers_size : for Mitsuba's integrators, on scene a with one light
+    epsilons : the textbook's constants, world units
+    exact_size : of the picture that the reference draws in double precision
+    random, random_size : how many random scenes, (width, height)
+    pairs, patience : of samples a point at most; fewer where they would take longer than so many seconds
+    """
+
+    kinds: str
+    size: int
+    grids: tuple[int, ...]
+    targets: tuple[float, ...]
+    converged: int
+    refined: float
+    samplers: tuple[str, ...]
+    spp: tuple[int, ...]
+    peers_size: int
+    epsilons: tuple[float, ...]
+    exact_size: int
+    random: int
+    random_size: tuple[int, int]
+    pairs: int
+    patience: float
+
+    def count(self) -> int:
+        """Count the steps of `run`."""
+        curve = len(self.grids) + len(self.targets)
+        peers = curve + 1 + len(self.samplers) * len(PEERS) * len(self.spp)
+        return len(self.kinds) * (curve + 1) + peers + 1 + self.random + 1
+
+
+TICK = 0.1
+"""A tick of the CPU's clock is at most this share of a sample."""
+
+FULL = Schedule(
+    kinds="abc",
+    size=512,
+    grids=(1, 2, 3, 4, 6, 8, 12, 16),
+    targets=(3e-2, 1e-2, 5e-3, 3e-3, 2e-3, 1e-3, 5e-4, 3e-4, 2e-4, 1e-4),
+    converged=64,
+    refined=3e-5,
+    samplers=("independent", "stratified", "multijitter"),
+    spp=(1, 4, 16, 64, 256),
+    peers_size=256,
+    epsilons=tuple(10.0**-digits for digits in range(7, -1, -1)),
+    exact_size=96,
+    random=32,
+    random_size=(128, 96),
+    pairs=7,
+    patience=4.0,
+)
+
+QUICK = Schedule(
+    kinds="a",
+    size=64,
+    grids=(1, 2, 4),
+    targets=(1e-2, 3e-3, 1e-3),
+    converged=16,
+    refined=1e-3,
+    samplers=("independent",),
+    spp=(1, 4),
+    peers_size=32,
+    epsilons=(1e-6, 1e-1),
+    exact_size=16,
+    random=2,
+    random_size=(32, 24),
+    pairs=1,
+    patience=1.0,
+)
+
+
+@dataclass
+class Curves:
+    """One scene.
+
+    Attributes
+    ----------
+    unsure : RMSE between the converged picture and a grid of half as many samples a side: the error of the coarser of
+        the two, so more than that of the other
+    checked : RMSE between the converged picture and a refined one
+    rays : of one sample a pixel, of all kinds
+    hidden : pixels that show their corners nothing of what is in them
+    """
+
+    title: str
+    seed: int
+    size: int
+    unsure: float = float("nan")
+    checked: float = float("nan")
+    rays: int = 0
+    hidden: int = 0
+    points: list[Point] = field(default_factory=list)
+
+    def of(self, way: str) -> list[Point]:
+        """Return one curve."""
+        return [point for point in self.points if point.way == way]
+
+
+@dataclass(frozen=True)
+class Kept:
+    """How a target error was kept: the RMSE, and the rays over those of one sample a pixel; `unsure` as in `Curves`."""
+
+    scene: str
+    target: float
+    rmse: float
+    rays: float
+    unsure: float
+
+
+@dataclass
+class Results:
+    """All that was measured so far.
+
+    Attributes
+    ----------
+    scenes : by letter
+    peers : scene a with one light and without mirrors, where `path` and `direct` converge to the same picture
+    epsilon : RMSE of one sample a pixel with the textbook's constant, against one without
+    exact : RMSE of one sample a pixel in float32, against double precision, and its largest error; pixels off by more
+        than 1e-3; pixels in all
+    kept : target errors on all scenes
+    seconds : that all took so far
+    """
+
+    scenes: dict[str, Curves] = field(default_factory=dict)
+    peers: Curves | None = None
+    epsilon: list[Point] = field(default_factory=list)
+    exact: tuple[float, float, int, int] | None = None
+    kept: list[Kept] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+    complete: bool = False
+
+
+def run(schedule: Schedule, folder: Path, results: Results, told: Callable[[str], None]) -> Iterator[None]:
+    """Measure, and return after each step; a variant with vectors must be set.
+
+    Parameters
+    ----------
+    folder : for the scenes and their meshes
+    results : filled step by step
+    told : hears what is measured next
+    """
+    began = time.perf_counter()
+    for _ in _steps(schedule, folder, results, told):
+        results.seconds = time.perf_counter() - began
+        yield
+    results.complete = True
+
+
+def _steps(schedule: Schedule, folder: Path, results: Results, told: Callable[[str], None]) -> Iterator[None]:
+    if shutil.which("povray") is None:
+        results.notes.append("POV-Ray: not installed")
+    else:
+        results.notes.append("POV-Ray: installed, but not measured: there is no translation of the scenes yet")
+    file = scenes.write("a", folder, SEED)
+    for kind in schedule.kinds:
+        file = scenes.write(kind, folder, SEED)
+        curves = results.scenes[kind] = Curves(scenes.KINDS[kind].title, SEED, schedule.size)
+        for _ in _curves(kind, file, curves, schedule, told):
+            _keep(results, kind, curves)
+            yield
+    results.peers = Curves("six balls on a floor, no mirror, one light", SEED, schedule.peers_size)
+    yield from _peers(results.peers, schedule, folder, told)
+    told("the textbook's epsilon, and double precision")
+    file = scenes.write("a", folder, SEED)
+    _epsilons(file, results, schedule)
+    yield
+    for number in range(schedule.random):
+        told(f"random scene {number}")
+        try:
+            _random(FIRST_RANDOM + number, folder, results, schedule)
+        except (ValueError, RuntimeError) as error:
+            results.notes.append(f"random scene {FIRST_RANDOM + number}: {' '.join(str(error).split())}")
+        yield
+    told("float32 against double precision")
+    results.exact = _exact(file, schedule.exact_size)
+    yield
+
+
+def _curves(
+    name: str, file: Path, curves: Curves, schedule: Schedule, told: Callable[[str], None], looks: int = LOOKS
+) -> Iterator[None]:
+    """Measure our own two curves."""
+    told(f"{name}: converged picture")
+    drawing = Drawing(file, size=str(curves.size))
+    truth, curves.unsure = _converged(drawing, schedule)
+    curves.checked = compare(pixels(drawing.to(schedule.refined)), truth).rmse
+    hidden = drawing.hidden(looks)
+    curves.hidden = int(hidden.sum())
+    one = Timed(drawing.grid(ONE_SAMPLE), curves.size)
+    curves.rays = drawing.rays_of_grid(ONE_SAMPLE)
+    yield
+    for n in schedule.grids:
+        told(f"{name}: grid {n} x {n}")
+        traced = drawing.rays_of_grid(n) / curves.rays
+        curves.points.append(_point(GRID, n, drawing.grid(n), truth, schedule, one, traced, hidden))
+        yield
+    for target in schedule.targets:
+        told(f"{name}: target error {target:g}")
+        traced = drawing.rays_to(target) / curves.rays
+        curves.points.append(_point(TARGET, target, drawing.to(target), truth, schedule, one, traced, hidden))
+        yield
+
+
+def _converged(drawing: Drawing, schedule: Schedule) -> tuple[Image, float]:
+    """Draw the converged picture; return how unsure it is as well, see `Curves`."""
+    truth = pixels(drawing.grid(schedule.converged))
+    return truth, compare(pixels(drawing.grid(schedule.converged // 2)), truth).rmse
+
+
+def _point(
+    way: str,
+    knob: float,
+    draw: Draw,
+    truth: Image,
+    schedule: Schedule,
+    one: Timed | None = None,
+    traced: float | None = None,
+    hidden: Any = None,
+) -> Point:
+    """Draw one picture, compare it with the converged one, and take its time beside one sample a pixel."""
+    found = compare(pixels(draw), truth)
+    cost = None
+    if one is not None:
+        timed = Timed(draw, len(truth))
+        a_pair = 2 * max(timed.facts.one.wall, TICK)
+        pairs = max(1, min(schedule.pairs, int(schedule.patience / a_pair)))
+        cost = compare_times(one, timed, pairs, TICK)
+    missed = None if hidden is None else int(np.count_nonzero(hidden & (found.error > MISSED)))
+    p999 = dict(found.percentiles)[99.9]
+    return Point(way, knob, found.rmse, p999, found.largest, found.flip.mean, traced, cost, missed)
+
+
+def _keep(results: Results, kind: str, curves: Curves) -> None:
+    """Enter what is new of the target errors that are promised."""
+    known = {(kept.scene, kept.target) for kept in results.kept}
+    for point in curves.of(TARGET):
+        if point.knob in PROMISED and (kind, point.knob) not in known:
+            assert point.rays is not None
+            results.kept.append(Kept(kind, point.knob, point.rmse, point.rays, curves.unsure))
+
+
+def _peers(curves: Curves, schedule: Schedule, folder: Path, told: Callable[[str], None]) -> Iterator[None]:
+    """Measure ours and Mitsuba's integrators on the same scene."""
+    file = scenes.write("a", folder, SEED, lights=1)
+    yield from _curves("one light", for_peers(file, "independent"), curves, schedule, told)
+    for sampler in schedule.samplers:
+        drawing = Drawing(for_peers(file, sampler), size=str(curves.size))
+        one = Timed(drawing.grid(ONE_SAMPLE), curves.size)
+        truth = pixels(drawing.grid(schedule.converged))
+        for name in PEERS:
+            for spp in schedule.spp:
+                told(f"one light: {name}, {sampler}, {spp} samples")
+                draw = drawing.peer(name, spp)
+                curves.points.append(_point(f"{name}, {sampler}", spp, draw, truth, schedule, one))
+                yield
+
+
+def _epsilons(file: Path, results: Results, schedule: Schedule) -> None:
+    """Measure what the textbook's constant does to a picture, at equal sampling."""
+    drawing = Drawing(file, size=str(schedule.size))
+    truth = pixels(drawing.with_epsilon(None))
+    for epsilon in schedule.epsilons:
+        results.epsilon.append(_point("epsilon", epsilon, drawing.with_epsilon(epsilon), truth, schedule))
+
+
+def _random(seed: int, folder: Path, results: Results, schedule: Schedule) -> None:
+    """See whether target errors are kept in a scene of anything."""
+    file, _ = random_scenes.write(folder, seed, *schedule.random_size)
+    drawing = Drawing(file)
+    truth, unsure = _converged(drawing, schedule)
+    one = drawing.rays_of_grid(ONE_SAMPLE)
+    for target in PROMISED:
+        rmse = compare(pixels(drawing.to(target)), truth).rmse
+        results.kept.append(Kept(f"random {seed}", target, rmse, drawing.rays_to(target) / one, unsure))
+
+
+def _exact(file: Path, size: int) -> tuple[float, float, int, int]:
+    """Compare one sample a pixel with the reference's picture in double precision."""
+    import whitted_reference
+    from whitted_validation.validation import processes
+
+    drawn = pixels(Drawing(file, size=str(size)).grid(ONE_SAMPLE))
+    with processes() as workers:
+        exact = whitted_reference.render(whitted_reference.load(file, {"size": str(size)}), executor=workers)
+    found = compare(drawn.astype(np.float64), np.array(exact.rows).reshape(drawn.shape))
+    return found.rmse, found.largest, found.above, found.error.size

@@ -1,0 +1,157 @@
+"""One scene, drawn in all ways that are compared: its own grids, to a target error, and by Mitsuba's integrators."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import mitsuba_whitted  # noqa: F401  # isort: skip  # before Mitsuba
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from whitted_validation.benchmark.speed_worker import Facts, Sample
+
+Image = NDArray[np.float32]
+
+Draw = Callable[[], Any]
+"""Starts one picture; evaluating the result finishes it."""
+
+PEERS: dict[str, dict[str, Any]] = {
+    "path": {"type": "path", "max_depth": 2},
+    "direct": {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0},
+}
+"""Mitsuba's integrators, cut down to what Whitted's picture of a scene without mirrors holds: light from the lamp."""
+
+
+class Drawing:
+    """A scene in the current variant, which must have vectors."""
+
+    def __init__(self, file: Path, **defines: str) -> None:
+        self._scene: Any = mi.load_file(str(file), optimize=False, **defines)
+        # Of its own, so that the plain pictures it is timed against change no setting.
+        self._aimed: Any = mi.load_file(str(file), optimize=False, **defines)
+
+    def grid(self, n: int) -> Draw:
+        """Draw n x n samples a pixel."""
+        return lambda: self._scene.integrator().render(self._scene, spp=n * n)
+
+    def to(self, error: float) -> Draw:
+        """Draw to a target error."""
+        self._set(target_error=error)
+        return lambda: self._aimed.integrator().render(self._aimed)
+
+    def with_epsilon(self, epsilon: float | None) -> Draw:
+        """Draw one sample a pixel with the textbook's epsilon, or without."""
+        self._set(epsilon=epsilon, target_error=0.0)
+        return lambda: self._aimed.integrator().render(self._aimed, spp=1)
+
+    def peer(self, name: str, spp: int) -> Draw:
+        """Draw with one of `PEERS` and the scene's own sampler."""
+        integrator = mi.load_dict(PEERS[name])
+        return lambda: mi.render(self._scene, integrator=integrator, spp=spp)
+
+    def _set(self, **settings: Any) -> None:
+        integrator = self._aimed.integrator()
+        integrator.settings = dataclasses.replace(integrator.settings, **settings)
+
+    def rays_of_grid(self, n: int) -> int:
+        """Count the rays of a grid, of all kinds."""
+        return _rays(self._scene.integrator().count_rays(self._scene, spp=n * n))
+
+    def rays_to(self, error: float) -> int:
+        """Count the rays to a target error."""
+        self._set(target_error=error)
+        return _rays(self._aimed.integrator().count_rays(self._aimed))
+
+    def hidden(self, n: int) -> NDArray[np.bool_]:
+        """Find pixels whose four corners have one path, and where a grid of n x n finds another.
+
+        Returns
+        -------
+        (height, width) bool
+            What is seen there is missed by whoever looks at the corners alone.
+        """
+        from mitsuba_whitted.trace import trace  # its names need a variant
+
+        integrator, sensor = self._scene.integrator(), self._scene.sensors()[0]
+        stage, camera, plan = integrator._prepare(self._scene, sensor)
+        width, height = (int(size) for size in sensor.film().crop_size())
+
+        def path(x: Any, y: Any) -> Any:
+            return trace(stage, plan, camera.rays(x, y), True).path
+
+        x, y = (dr.ravel(each) for each in dr.meshgrid(dr.arange(mi.Float, width + 1), dr.arange(mi.Float, height + 1)))
+        corners = np.array(path(x, y)).reshape(height + 1, width + 1)
+        first = corners[:-1, :-1]
+        one = (first == corners[1:, :-1]) & (first == corners[:-1, 1:]) & (first == corners[1:, 1:])
+        rows, columns = np.nonzero(one)
+        found = np.zeros((height, width), bool)
+        if not len(rows):
+            return found
+        x, y, known = mi.Float(columns.astype(np.float32)), mi.Float(rows.astype(np.float32)), mi.UInt32(first[one])
+        differs = dr.full(mi.Bool, False, len(rows))
+        for i in range(n):
+            for j in range(n):
+                at = mi.Point2f((i + 0.5) / n, (j + 0.5) / n)
+                dr.make_opaque(at)  # one kernel for all places
+                differs |= path(x + at.x, y + at.y) != known
+                dr.eval(differs)
+        found[one] = np.array(differs)
+        return found
+
+
+def _rays(counted: dict[str, int]) -> int:
+    """Add up what was traced, not what was cut off."""
+    return sum(counted[kind] for kind in ("camera", "mirror", "shadow"))
+
+
+def pixels(draw: Draw) -> Image:
+    """Draw one picture, (height, width, 3)."""
+    return np.array(draw(), np.float32)
+
+
+class Timed:
+    """A way to draw, for `speed_pairs.compare`."""
+
+    def __init__(self, draw: Draw, side: int) -> None:
+        self._draw = draw
+        for _ in range(2):  # compiled, then warm
+            self._finish()
+        nothing = float("nan")
+        self.facts = Facts(side, (), 0, nothing, nothing, nothing, self.sample(1))
+
+    def sample(self, pictures: int) -> Sample:
+        """Draw so many and take the time of one."""
+        wall, cpu = time.perf_counter(), time.process_time()
+        for _ in range(pictures):
+            self._finish()
+        return Sample((time.perf_counter() - wall) / pictures, (time.process_time() - cpu) / pictures)
+
+    def _finish(self) -> None:
+        dr.eval(self._draw())
+        dr.sync_thread()
+
+
+def for_peers(file: Path, sampler: str) -> Path:
+    """Write a scene of `scenes` as `path` and `direct` draw it too: no mirrors, no ambient light, no sky.
+
+    They have a light of their own for each of these; what is left is the light of lamps and its shadows.
+    """
+    tree = ET.parse(file)
+    root = tree.getroot()
+    for emitter in root.findall("emitter[@type='constant']"):
+        root.remove(emitter)
+    for parent in tree.iter():
+        for e in [e for e in parent if e.get("name") in ("mirror_reflectance", "ambient")]:
+            parent.remove(e)
+    for each in tree.iter("sampler"):
+        each.set("type", sampler)
+    plain = file.with_name(f"{file.stem}_{sampler}.xml")
+    tree.write(plain, encoding="utf-8")
+    return plain

@@ -1,0 +1,207 @@
+"""What came out, for the eye and as data.
+
+results.json, besides what every command writes
+    quick      whether `--quick` was given
+    complete   false while steps are missing, and after an interruption
+    schedule   what was to be measured: see `error.Schedule`
+    frozen     the commit whose number gives the seeds
+    targets    one object a target: target, measured, verdict (met, not met, not measured)
+    scenes     by letter: title, seed, size, rays (of one sample a pixel, all kinds), unsure and checked (RMSE between
+        the converged picture and a coarser grid, and a refined picture), hidden (pixels whose corners do not show what
+        is in them), slopes (by curve: of log RMSE over log rays, log extra rays and log CPU time), and
+        points one object a picture: way, knob (n, target error, samples), rmse, p999, largest, flip, rays (over those
+            of one sample a pixel), missed (hidden and off by more than 1e-2), cost (time over that of one sample a
+            pixel, as `comparison` in results.json of `whitted benchmark speed`)
+    peers      the same of the scene that `path` and `direct` draw alike
+    epsilon    points of the textbook's constant; knob is the constant, in world units
+    exact      of one sample a pixel in float32 against double precision: rmse, largest, above_1e-3, pixels
+    kept       one object a target error and scene: scene, target, rmse, rays, unsure
+    seconds    that it took;    notes: what could not be measured
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from whitted_validation import report
+from whitted_validation.benchmark.error import FROZEN, Curves, Results, Schedule
+from whitted_validation.benchmark.error_curves import Of, Point, cheapest, cpu, rays, slope, wall
+from whitted_validation.benchmark.error_targets import NAMES, extra, outcomes, trusted
+from whitted_validation.benchmark.speed_page import plain, targets_table
+from whitted_validation.report import Chart, Group, Section, Sentence, Table
+from whitted_validation.report.sections import Cell, short
+
+AXES: dict[str, Of] = {"rays": rays, "extra rays": extra, "CPU time": cpu}
+
+
+def write(folder: Path, results: Results, schedule: Schedule, quick: bool) -> None:
+    """Write results.json and report.html."""
+    facts = {
+        "quick": quick,
+        "complete": results.complete,
+        "schedule": plain(schedule),
+        "frozen": FROZEN,
+        "targets": [
+            {"target": each.target, "measured": each.measured, "verdict": each.verdict} for each in outcomes(results)
+        ],
+        "scenes": {kind: _curves_facts(curves) for kind, curves in results.scenes.items()},
+        "peers": _curves_facts(results.peers) if results.peers else None,
+        "epsilon": [plain(point) for point in results.epsilon],
+        "exact": dict(zip(("rmse", "largest", "above_1e-3", "pixels"), results.exact, strict=True))
+        if results.exact
+        else None,
+        "kept": [plain(each) for each in results.kept],
+        "seconds": results.seconds,
+        "notes": results.notes,
+    }
+    report.write(folder, facts, "whitted benchmark error", sections(results, schedule, quick))
+
+
+def _curves_facts(curves: Curves) -> dict[str, Any]:
+    facts: dict[str, Any] = plain(curves)
+    return facts | {"slopes": _slopes(curves)}
+
+
+def _ways(curves: Curves) -> list[str]:
+    return list(dict.fromkeys(point.way for point in curves.points))
+
+
+def _slopes(curves: Curves) -> dict[str, dict[str, float]]:
+    return {way: {axis: slope(trusted(curves, way), of) for axis, of in AXES.items()} for way in _ways(curves)}
+
+
+def summary(results: Results) -> str:
+    """Say in one sentence what came out."""
+    verdicts = [outcome.met for outcome in outcomes(results)]
+    measured = [met for met in verdicts if met is not None]
+    missing = len(verdicts) - len(measured)
+    said_missing = f"; {missing} are not measured" if missing else ""
+    interrupted = "" if results.complete else "; not all is measured yet"
+    return f"{sum(measured)} of {len(measured)} targets met{said_missing}{interrupted}."
+
+
+def lines(results: Results) -> Iterator[str]:
+    """Return the lines of the tables on the terminal; more are added at the end as results come in."""
+    for name, curves in _all(results):
+        yield f"scene {name}, {curves.title}: rays and times over those of one sample a pixel"
+        for p in curves.points:
+            traced = "" if p.rays is None else short(p.rays)
+            hidden = "" if p.missed is None else f"  missed {p.missed}"
+            yield (
+                f"  {p.way:<20} {p.knob:<7g} RMSE {p.rmse:<9.2e} worst {p.largest:<9.2e} rays {traced:<9} "
+                f"CPU {short(cpu(p)):<8} wall {short(wall(p))}{hidden}"
+            )
+    for p in results.epsilon:
+        yield f"epsilon {p.knob:<8g} RMSE {p.rmse:.2e} worst {p.largest:.2e}"
+    for kept in results.kept:
+        if kept.scene not in results.scenes:
+            parts = f"RMSE {kept.rmse / kept.target:.2f} E, {kept.rays:.3g} times the rays of one sample a pixel"
+            yield f"{kept.scene}, E = {kept.target:g}: {parts}; converged within {kept.unsure:.1e}"
+    if results.exact:
+        yield "float32 against double precision: " + _exact(results.exact)
+
+
+def _all(results: Results) -> Iterator[tuple[str, Curves]]:
+    for kind, curves in results.scenes.items():
+        yield f"{kind} ({NAMES[kind]})", curves
+    if results.peers:
+        yield "with one light", results.peers
+
+
+def _exact(exact: tuple[float, float, int, int]) -> str:
+    rmse, most, above, pixels = exact
+    return f"RMSE {rmse:.2e}, largest error {most:.2e}, {above} of {pixels} pixels off by more than 1e-3"
+
+
+def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]:
+    """Build the page."""
+    held = list(outcomes(results))
+    parts: list[Section] = [
+        Sentence(summary(results), "bad" if any(each.met is False for each in held) else "good"),
+        Sentence(
+            "Errors are those of linear radiance against a converged picture: a grid of "
+            f"{schedule.converged} x {schedule.converged} samples in each pixel. Rays and times are given over those "
+            "of one sample a pixel of the same scene. Times are medians of pairs, drawn in turn, up to "
+            f"{schedule.pairs} of them; CPU time is that of all threads. The seeds of the scenes come from the number "
+            f"of the commit after which no constant of the refinement was changed, `{FROZEN}`."
+        ),
+        targets_table(held, quick),
+    ]
+    for name, curves in _all(results):
+        parts.append(_scene(name, curves, schedule))
+    if results.kept:
+        parts.append(_kept(results))
+    if results.epsilon:
+        parts.append(_epsilon(results.epsilon))
+    if results.exact:
+        note = f"Scene a, {schedule.exact_size} x {schedule.exact_size}, one sample a pixel, by the reference tracer."
+        parts.append(Group("float32 against double precision", [Sentence(_exact(results.exact) + ".")], note))
+    if results.notes:
+        parts.append(Group("Not measured", [Sentence(note) for note in results.notes]))
+    return parts
+
+
+def _scene(name: str, curves: Curves, schedule: Schedule) -> Group:
+    note = (
+        f"Seed {curves.seed}, {curves.size} x {curves.size} pixels, {curves.rays:,} rays at one sample a pixel. The "
+        f"converged picture differs from a grid of half as many samples a side by an RMSE of {short(curves.unsure)}, "
+        f"and from a picture refined to {schedule.refined:g} by {short(curves.checked)}; slopes are fitted to errors "
+        f"above three times the former. {curves.hidden:,} pixels show their corners nothing of what is in them; "
+        "missed are those of them that are off by more than 1e-2."
+    )
+    if not curves.points:
+        return Group(f"Scene {name}: {curves.title}", [], note)
+    ways = _ways(curves)
+    parts: list[Section] = []
+    for label, of in (("rays", rays), ("CPU time", cpu)):
+        series = {way: [(of(p), p.rmse) for p in curves.of(way)] for way in ways}
+        counted = {way: points for way, points in series.items() if any(x == x for x, _ in points)}
+        parts.append(Chart("Error against cost", f"{label}, one sample a pixel = 1", "RMSE", counted))
+    front = {id(point) for point in cheapest(curves.points, cpu)}
+    rows = [_row(point, id(point) in front) for point in curves.points]
+    errors, costs = ("RMSE", "99.9 %", "worst", "FLIP"), ("rays", "CPU time", "wall time")
+    columns = ["way", "n, E or samples", *errors, *costs, "missed", ""]
+    parts.append(Table(columns, rows, "All pictures; on the front: none is better in both CPU time and RMSE"))
+    fitted: list[list[str | float | Cell]] = [[way, *found.values()] for way, found in _slopes(curves).items()]
+    parts.append(Table(["way", *AXES], fitted, "Slopes: RMSE falls with this power of the cost"))
+    return Group(f"Scene {name}: {curves.title}", parts, note)
+
+
+def _row(p: Point, on_front: bool) -> list[str | float | Cell]:
+    flip = "not installed" if p.flip is None else p.flip
+    missed = "" if p.missed is None else p.missed
+    shown = [("" if x != x else x) for x in (rays(p), cpu(p), wall(p))]
+    return [p.way, p.knob, p.rmse, p.p999, p.largest, flip, *shown, missed, Cell("on the front" * on_front, "good")]
+
+
+def _kept(results: Results) -> Group:
+    targets = sorted({each.target for each in results.kept}, reverse=True)
+    by_place = {(each.scene, each.target): each for each in results.kept}
+    rows: list[list[str | float | Cell]] = []
+    for scene in dict.fromkeys(each.scene for each in results.kept):
+        row: list[str | float | Cell] = [f"scene {scene}" if scene in results.scenes else scene]
+        found = [by_place.get((scene, target)) for target in targets]
+        row.append(max(each.unsure for each in found if each))
+        for each in found:
+            if each is None:
+                row += ["", ""]
+            else:
+                over = each.rmse / each.target
+                row += [Cell(over, "good" if over <= 1 else "bad"), each.rays]
+        rows.append(row)
+    columns = ["scene", "converged within", *(c for t in targets for c in (f"RMSE / {t:g}", "rays"))]
+    note = "RMSE over the target error, and rays over those of one sample a pixel."
+    return Group("Is the target error kept?", [Table(columns, rows)], note)
+
+
+def _epsilon(points: list[Point]) -> Group:
+    note = (
+        "Scene a at one sample a pixel, drawn with the textbook's constant on all shadow and mirror rays, against the "
+        "picture without any. Too small a constant lets surfaces shade themselves; too large a one loses contacts. "
+        "`whitted stress` counts the points that come out wrong, case by case."
+    )
+    chart = Chart("Error against epsilon", "epsilon, world units", "RMSE", {"RMSE": [(p.knob, p.rmse) for p in points]})
+    rows: list[list[str | float | Cell]] = [[f"{p.knob:g}", p.rmse, p.p999, p.largest] for p in points]
+    return Group("The textbook's epsilon", [chart, Table(["epsilon", "RMSE", "99.9 %", "worst"], rows)], note)

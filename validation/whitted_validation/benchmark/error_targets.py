@@ -1,0 +1,142 @@
+"""What refinement is to reach, and whether what was measured shows it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from whitted_validation.benchmark.error import FULL, GRID, TARGET, Curves, Kept, Results
+from whitted_validation.benchmark.error_curves import Of, Point, at_error, cpu, largest, rays, slope, wall
+from whitted_validation.benchmark.speed_targets import Outcome
+
+NAMES = {"a": "balls", "b": "clutter", "c": "mesh"}
+
+MOST_RAYS = (("a", 1e-3, 1.6), ("a", 5e-4, 2.0), ("a", 2e-4, 3.0), ("c", 5e-4, 1.5), ("b", 2e-3, 10.0))
+"""Scene, RMSE, and rays over those of one sample a pixel."""
+
+MOST_TIME = (("a", 5e-4, 5.0), ("c", 5e-4, 4.0))
+"""The same for wall and CPU time."""
+
+CLUTTER = 2e-3
+LEAST_GAIN = 2.0
+"""In clutter, at this RMSE: time of the grid over ours."""
+
+MOST_WORST = 2.0
+"""Error of the worst pixel over that of the grid's at equal RMSE."""
+
+LEAST_KEPT = 0.95
+"""Share of pictures below their target error."""
+
+LEAST_SCENES = 30
+"""With fewer, nothing is said of the promise."""
+
+MOST_OVER = 1.5
+LEAST_USED = 0.3
+CHEAP = 1.3
+MOST_UNSURE = 0.3
+"""RMSE over the target error: never above the first, nor below the second unless the picture takes fewer rays than the
+third, over those of one sample a pixel. A converged picture that is more unsure than the fourth, in parts of the target
+error, judges nothing.
+"""
+
+STEEPEST_GRID = -1.0
+"""Slope of log RMSE over log extra rays that refinement is to beat."""
+
+POVRAY = "against POV-Ray at equal RMSE: 30 times faster on balls and mesh, 20 times in clutter"
+
+
+def trusted(curves: Curves, way: str) -> list[Point]:
+    """Return the points of a curve that the converged picture can judge: three times as far off as it may be."""
+    return [point for point in curves.of(way) if point.rmse > 3 * curves.unsure]
+
+
+def extra(point: Point) -> float:
+    """Rays beyond those of one sample a pixel, in parts of these."""
+    return rays(point) - 1
+
+
+def outcomes(results: Results) -> Iterator[Outcome]:
+    """Hold the results against all targets."""
+    found = results.scenes if all(c.size == FULL.size for c in results.scenes.values()) else {}
+    for kind, rmse, most in MOST_RAYS:
+        target = f"{NAMES[kind]}: RMSE {rmse:g} with at most {most:g} times the rays of one sample a pixel"
+        yield _at_most(target, found.get(kind), rays, rmse, most)
+    for kind, rmse, most in MOST_TIME:
+        for of, clock in ((cpu, "CPU"), (wall, "wall")):
+            target = f"{NAMES[kind]}: RMSE {rmse:g} in at most {most:g} times the {clock} time of one sample a pixel"
+            yield _at_most(target, found.get(kind), of, rmse, most)
+    yield from _clutter(found.get("b"))
+    yield Outcome(POVRAY, "", None)
+    yield from _promise(results.kept)
+    yield _worst(found)
+    target = f"balls: RMSE falls with extra rays more steeply than with power {STEEPEST_GRID:g}"
+    if "a" not in found:
+        yield Outcome(target, "", None)
+    else:
+        ours, grid = (slope(trusted(found["a"], way), extra) for way in (TARGET, GRID))
+        met = None if math.isnan(ours) else ours < STEEPEST_GRID
+        yield Outcome(target, "" if met is None else f"{ours:.2f}; grid {grid:.2f}", met)
+
+
+def _at_most(target: str, curves: Curves | None, of: Of, rmse: float, most: float) -> Outcome:
+    cost = math.nan if curves is None else at_error(curves.of(TARGET), of, rmse)
+    if curves is None or math.isnan(cost):
+        return Outcome(target, "", None)
+    grid = at_error(curves.of(GRID), of, rmse)
+    beside = "" if math.isnan(grid) else f"; grid {grid:.3g}"
+    return Outcome(target, f"{cost:.3g}{beside}", cost <= most)
+
+
+def gains(curves: Curves, of: Of) -> list[tuple[float, float]]:
+    """Compare with the grid at equal RMSE: our RMSE, and the grid's cost over ours, wherever both curves go."""
+    found = []
+    for point in trusted(curves, TARGET):
+        grid = at_error(curves.of(GRID), of, point.rmse)
+        if of(point) > 0 and not math.isnan(grid):
+            found.append((point.rmse, grid / of(point)))
+    return found
+
+
+def _clutter(curves: Curves | None) -> Iterator[Outcome]:
+    for of, clock in ((cpu, "CPU"), (wall, "wall")):
+        target = f"clutter: RMSE {CLUTTER:g} in at most 1/{LEAST_GAIN:g} of the grid's {clock} time"
+        ours, grid = (math.nan if curves is None else at_error(curves.of(w), of, CLUTTER) for w in (TARGET, GRID))
+        known = not math.isnan(ours) and not math.isnan(grid)
+        yield Outcome(target, f"1/{grid / ours:.3g}" if known else "", grid >= LEAST_GAIN * ours if known else None)
+        target = f"clutter: never slower than the grid of equal RMSE, {clock} time"
+        ratios = [] if curves is None else gains(curves, of)
+        slower = [f"at {rmse:.2g} {1 / gain:.3g} times its time" for rmse, gain in ratios if gain < 1]
+        text = f"{len(slower)} of {len(ratios)} pictures slower" + "".join(f"; {each}" for each in slower)
+        yield Outcome(target, text if ratios else "", not slower if ratios else None)
+
+
+def _promise(kept: Sequence[Kept]) -> Iterator[Outcome]:
+    unknown = sum(each.unsure > MOST_UNSURE * each.target for each in kept)
+    kept = [each for each in kept if each.unsure <= MOST_UNSURE * each.target]
+    scenes = len({each.scene for each in kept})
+    below = sum(each.rmse <= each.target for each in kept)
+    over = [each for each in kept if each.rmse > MOST_OVER * each.target]
+    enough = scenes >= LEAST_SCENES
+    text = f"{below} of {len(kept)} on {scenes} scenes" + f"; {unknown} more cannot be judged" * bool(unknown)
+    target = f"target error kept in at least {100 * LEAST_KEPT:g} % of the pictures"
+    yield Outcome(target, text if kept else "", below >= LEAST_KEPT * len(kept) if enough else None)
+    most = max((each.rmse / each.target for each in kept), default=math.nan)
+    target = f"and never exceeded by more than {MOST_OVER:g} times"
+    yield Outcome(
+        target, f"{len(over)} pictures; at most {most:.3g} times" if kept else "", not over if enough else None
+    )
+    target = f"and not wasteful: at least {LEAST_USED:g} of it, where a picture takes over {CHEAP:g} times the rays"
+    waste = [each for each in kept if each.rmse < LEAST_USED * each.target and each.rays >= CHEAP]
+    yield Outcome(target, f"{len(waste)} of {len(kept)} wasteful" if kept else "", not waste if enough else None)
+
+
+def _worst(found: dict[str, Curves]) -> Outcome:
+    """Compare the worst pixel of each picture with that of the grid at equal RMSE."""
+    target = f"worst pixel at most {MOST_WORST:g} times that of the grid of equal RMSE"
+    ratios = [(1 / gain, kind, rmse) for kind, curves in found.items() for rmse, gain in gains(curves, largest)]
+    if not ratios:
+        return Outcome(target, "", None)
+    most, kind, rmse = max(ratios)
+    above = sum(ratio > MOST_WORST for ratio, *_ in ratios)
+    text = f"{above} of {len(ratios)} pictures worse; at most {most:.3g} times, {NAMES[kind]} at {rmse:.2g}"
+    return Outcome(target, text, not above)
