@@ -2,9 +2,10 @@
 
     python -m whitted_validation.random_scenes [--count 200] [--first 0] [--keep DIR]
 
-judges scenes of consecutive seeds, prints how often each feature occurred, and ends with 1 if a pixel is
-unexplained. A scene with such a pixel is cut down to the smallest that has one, which is printed. Every
-second scene is built of contacts: bodies that touch, stand on the floor or lie within each other.
+judges scenes of consecutive seeds, prints each pixel that is far off with its reason, and how often each feature
+occurred, and ends with 1 if a pixel is unexplained. A scene with such a pixel is cut down to the smallest that has
+one, which is printed. Every second scene is built of contacts: bodies that touch, stand on the floor or lie within
+each other.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import click
+import numpy as np
+from numpy.typing import NDArray
 
 from whitted_validation import scene_files
 from whitted_validation.bounds import Means
@@ -31,6 +34,7 @@ from whitted_validation.verdict import Status
 SOLIDS = ("sphere", "rectangle", "disk", "cylinder", "cube", "obj", "ply", "polygon")
 MESHES = {"obj": ("icosahedron", "octahedron", "tetrahedron", "dodecahedron", "cube"), "ply": ("vase",)}
 TEXTURES = ("tile", "planet")
+FAR_OFF = 1e-4  # an error that an eye may see; a pixel that far off is printed, whatever its verdict
 ROUND = ("sphere", "cylinder")  # no unequal scale, no shear
 
 
@@ -313,6 +317,7 @@ def main(count: int, first: int, keep: str | None) -> None:
     """Judge random scenes."""
     features: Counter[str] = Counter()
     totals: Counter[str] = Counter()
+    errors: list[NDArray[np.float32]] = []
     bad = []
     with tempfile.TemporaryDirectory() as temporary, processes() as workers:
         folder = Path(keep or temporary)
@@ -322,6 +327,10 @@ def main(count: int, first: int, keep: str | None) -> None:
             features.update(here)
             verdict = validate(file, executor=workers)
             judgement = verdict.judgement
+            errors.append(np.abs(judgement.picture - judgement.bounds.colour).max(axis=2).astype(np.float32).ravel())
+            for difference in judgement.differences:
+                if verdict.good and difference.error > FAR_OFF:
+                    click.echo(f"seed {seed}: {difference}")
             totals.update({status.name.lower(): judgement.count(status) for status in Status})
             totals.update({f"by {means.name.lower()}": int((judgement.bounds.means == means).sum()) for means in Means})
             if not verdict.good:
@@ -334,6 +343,11 @@ def main(count: int, first: int, keep: str | None) -> None:
                 click.echo(small.read_text())
     for name, times in sorted(features.items()):
         click.echo(f"{name:<24}{times}")
+    everything = np.concatenate(errors)
+    click.echo(
+        f"median error {np.median(everything) / 2.0**-24:.2g} of the spacing of float32 below 1; "
+        f"{(everything > FAR_OFF).sum()} of {len(everything)} pixels off by more than {FAR_OFF:g}"
+    )
     click.echo(f"{count} scenes, pixels: {dict(totals)}; scenes with unexplained pixels: {bad or 'none'}")
     sys.exit(1 if bad else 0)
 
