@@ -229,6 +229,8 @@ def test_where_the_programs_part_is_said_in_words(tmp_path: Path, llvm_ad_rgb: s
         "They part at ray 0 at `floor`: for the plugin `lamp` shines here, for the reference it is blocked."
     )
     assert "light `lamp`: plugin: shines here; reference: is blocked" in str(explanation)
+    for kind in ("lit", "blocked"):  # both ways are drawn, from above and from the side
+        assert explanation.drawing().count(f'class="shadow {kind}"') == 2
 
 
 def test_after_the_parting_each_program_goes_alone(tmp_path: Path, llvm_ad_rgb: str) -> None:

@@ -127,11 +127,19 @@ class Explanation:
         return html(self)
 
     def drawing(self) -> str:
-        """Return the scene from above and from the side with the rays of the pixel, as SVG."""
+        """Return the scene from above and from the side with the rays of the pixel, as SVG.
+
+        They are the reference's, and where the programs part the plugin's as well.
+        """
         from whitted_validation.explanation.drawing import drawing
 
-        rays = [sample.rays for sample in self.reference.samples]
-        return drawing(self.scene, self.sensor, [rays[group[0]] for group in self.groups[:MOST_TREES]])
+        ways = []
+        for group in self.groups[:MOST_TREES]:
+            ours, theirs = self.samples[group[0]]
+            ways.append(theirs.rays)
+            if any(partings(paired(ours, theirs))):
+                ways.append(ours.rays)
+        return drawing(self.scene, self.sensor, ways)
 
     def _which(self, group: Sequence[int]) -> str:
         place = f"sample ({group[0] % self.grid}, {group[0] // self.grid})"
