@@ -76,7 +76,7 @@ def at_error(points: Iterable[Point], of: Of, rmse: float) -> float:
     for (above, x), (below, y) in itertools.pairwise(known):
         if above >= rmse >= below:
             share = 0.0 if above == below else math.log(above / rmse) / math.log(above / below)
-            return x * (y / x) ** share
+            return float(x * (y / x) ** share)
     return math.nan
 
 

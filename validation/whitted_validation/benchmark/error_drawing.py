@@ -32,7 +32,7 @@ PEERS: dict[str, dict[str, Any]] = {
 class Drawing:
     """A scene in the current variant, which must have vectors."""
 
-    def __init__(self, file: Path, **defines: str) -> None:
+    def __init__(self, file: Path, **defines: Any) -> None:
         self._scene: Any = mi.load_file(str(file), optimize=False, **defines)
         # Of its own, so that the plain pictures it is timed against change no setting.
         self._aimed: Any = mi.load_file(str(file), optimize=False, **defines)

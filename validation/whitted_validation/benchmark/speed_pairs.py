@@ -11,8 +11,9 @@ import os
 import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
-from whitted_validation.benchmark.speed_worker import Sample, Worker
+from whitted_validation.benchmark.speed_worker import Facts, Sample
 
 TICK = 1 / os.sysconf("SC_CLK_TCK")
 """Seconds: systems that count a process's CPU time in ticks count in these."""
@@ -53,6 +54,15 @@ def interval(values: Sequence[float]) -> Interval:
     return Interval(statistics.median(ordered), low, high, ordered[0], ordered[-1])
 
 
+class Timed(Protocol):
+    """What draws when it is told to."""
+
+    facts: Facts
+
+    def sample(self, pictures: int) -> Sample:
+        """Draw so many pictures and take the time."""
+
+
 @dataclass(frozen=True)
 class Comparison:
     """Time of B over time of A, a pixel.
@@ -73,7 +83,7 @@ class Comparison:
 
 
 def compare(
-    a: Worker, b: Worker, pairs: int, share_of_tick: float, told: Callable[[], None] = lambda: None
+    a: Timed, b: Timed, pairs: int, share_of_tick: float, told: Callable[[], None] = lambda: None
 ) -> Comparison:
     """Draw in turn and take the time.
 

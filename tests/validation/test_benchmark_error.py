@@ -1,0 +1,197 @@
+"""The benchmark of error against cost: what is read off its curves, and that it cannot claim what it has not seen."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mitsuba_whitted import LIBLLVM
+from whitted_validation.benchmark import scenes
+from whitted_validation.benchmark.error import FULL, GRID, TARGET, Curves, Kept, Results
+from whitted_validation.benchmark.error_curves import Point, at_error, cheapest, cpu, rays, slope
+from whitted_validation.benchmark.error_targets import LEAST_SCENES, outcomes
+from whitted_validation.benchmark.speed_pairs import Comparison, Interval
+from whitted_validation.benchmark.speed_worker import Sample
+
+needs_llvm = pytest.mark.skipif(bool(LIBLLVM.refusal), reason=str(LIBLLVM.refusal))
+
+U = 2.0**-53
+
+
+def point(way: str, rmse: float, cost: float, worst: float = 1.0) -> Point:
+    """Make a picture that takes `cost` in rays and in both times."""
+    ratio = Interval(*[cost] * 5)
+    taken = Sample(1.0, 1.0)
+    return Point(way, 1, rmse, rmse, worst, rays=cost, cost=Comparison(ratio, ratio, taken, taken, (1, 1), 1))
+
+
+def power(way: str, exponent: float, worst: float = 1.0, factor: float = 1.0) -> list[Point]:
+    """Make a curve of RMSE = cost ** exponent, its costs times `factor`."""
+    return [point(way, (4.0**k) ** exponent, factor * 4.0**k, worst) for k in range(7)]
+
+
+# ------------------------------------------------------------------------------------------------ the curves
+def test_the_slope_of_a_power_is_its_exponent() -> None:
+    # Seven terms each of sums of logarithms below 10, and a quotient.
+    assert abs(slope(power(GRID, -0.75), rays) + 0.75) <= 64 * U
+
+
+def test_two_points_have_no_slope() -> None:
+    assert math.isnan(slope(power(GRID, -0.75)[:2], rays))
+
+
+@pytest.mark.parametrize("rmse", [1.0, 0.3, 2.0**-5, 2.0**-6])
+def test_between_points_a_curve_is_a_power(rmse: float) -> None:
+    expected = rmse**-2
+    assert abs(at_error(power(GRID, -0.5), rays, rmse) - expected) <= expected * 64 * U
+
+
+@pytest.mark.parametrize("rmse", [1.5, 1e-5])
+def test_a_curve_says_nothing_beyond_its_ends(rmse: float) -> None:
+    assert math.isnan(at_error(power(GRID, -0.5), rays, rmse))
+
+
+def test_a_picture_that_another_beats_in_both_is_not_on_the_front() -> None:
+    points = [point(GRID, 0.1, 1), point(GRID, 0.2, 2), point(TARGET, 0.05, 2), point(GRID, 0.05, 3)]
+    assert cheapest(points, cpu) == [points[0], points[2]]
+
+
+# ----------------------------------------------------------------------------------------------- the targets
+def verdicts(results: Results) -> dict[str, str]:
+    return {outcome.target: outcome.verdict for outcome in outcomes(results)}
+
+
+def of(found: dict[str, str], words: str) -> str:
+    """Return the verdict on the one target that has these words."""
+    (verdict,) = [verdict for target, verdict in found.items() if words in target]
+    return verdict
+
+
+def measured(size: int = FULL.size, factor: float = 1.0, worst: float = 1.0) -> Results:
+    """Make three scenes where refinement takes `factor` of the grid's cost to the power of 0.6."""
+    points = [*power(GRID, -1.5), *[point(TARGET, p.rmse, factor * p.rmse**-0.4, worst) for p in power("", -1.5)]]
+    return Results({kind: Curves("", 0, size, 0.0, 0.0, 1, 0, points) for kind in "abc"})
+
+
+def test_nothing_measured_is_nothing_met() -> None:
+    assert set(verdicts(Results()).values()) == {"not measured"}
+
+
+def test_small_pictures_meet_no_target() -> None:
+    assert set(verdicts(measured(size=FULL.size // 2)).values()) == {"not measured"}
+
+
+def test_what_is_cheap_enough_is_met_and_what_is_dear_is_not() -> None:
+    cheap, dear = verdicts(measured(factor=0.01)), verdicts(measured(factor=100))
+    for words in ("balls: RMSE 0.001 with", "mesh: RMSE 0.0005 with", "clutter: RMSE 0.002 with"):
+        assert (of(cheap, words), of(dear, words)) == ("met", "not met")
+    for words in ("in at most 5 times the CPU", "in at most 1/2 of the grid's CPU", "never slower than the grid of"):
+        pair = [{v for t, v in found.items() if words in t} for found in (cheap, dear)]
+        assert pair == [{"met"}, {"not met"}]
+
+
+def test_a_worse_pixel_than_twice_the_grids_is_told() -> None:
+    words = "worst pixel"
+    assert of(verdicts(measured(worst=1.9)), words) == "met"
+    assert of(verdicts(measured(worst=2.1)), words) == "not met"
+
+
+def test_errors_that_the_converged_picture_cannot_judge_are_left_out() -> None:
+    results = measured(worst=2.1)
+    for curves in results.scenes.values():
+        curves.unsure = 1.0
+    assert of(verdicts(results), "worst pixel") == "not measured"
+
+
+def keeping(*ratios: float, rays: float = 2.0, unsure: float = 0.0, scenes: int = LEAST_SCENES) -> Results:
+    """Make scenes that keep their target but for the first ones."""
+    all_ratios = [*ratios, *[0.9] * (scenes - len(ratios))]
+    kept = [Kept(f"random {i}", 1e-3, ratio * 1e-3, rays, unsure) for i, ratio in enumerate(all_ratios)]
+    return Results(kept=kept)
+
+
+def test_one_of_thirty_above_its_target_is_within_the_promise_and_two_are_not() -> None:
+    assert of(verdicts(keeping(1.2)), "target error kept") == "met"
+    assert of(verdicts(keeping(1.2, 1.2)), "target error kept") == "not met"
+
+
+def test_none_may_exceed_its_target_by_more_than_half() -> None:
+    assert of(verdicts(keeping(1.49)), "never exceeded") == "met"
+    assert of(verdicts(keeping(1.51)), "never exceeded") == "not met"
+
+
+def test_a_picture_much_better_than_asked_is_wasteful_unless_it_is_cheap() -> None:
+    assert of(verdicts(keeping(0.2)), "wasteful") == "not met"
+    assert of(verdicts(keeping(0.2, rays=1.2)), "wasteful") == "met"
+
+
+def test_the_promise_is_not_judged_on_few_scenes_nor_by_unsure_pictures() -> None:
+    for results in (keeping(scenes=LEAST_SCENES - 1), keeping(unsure=4e-4)):
+        assert of(verdicts(results), "target error kept") == "not measured"
+
+
+# ----------------------------------------------------------------------------------------------- the drawing
+@needs_llvm
+def test_path_converges_to_the_picture_of_the_scene_without_mirrors(tmp_path: Path, llvm_ad_rgb: None) -> None:
+    from whitted_validation.benchmark.error_drawing import PEERS, Drawing, for_peers, pixels
+
+    drawing = Drawing(for_peers(scenes.write("a", tmp_path, 5, lights=1), "independent"), size="16")
+    truth = pixels(drawing.grid(16)).astype(float)
+    for name in PEERS:
+        error = [float(np.sqrt(np.mean((pixels(drawing.peer(name, n)) - truth) ** 2))) for n in (4, 1024)]
+        # Independent samples: 256 times as many have a 16th of the error. The grid's own error, and chance in an RMSE
+        # over hundreds of pixels, are nowhere near a factor of two.
+        assert error[1] < error[0] / 8
+
+
+@needs_llvm
+def test_what_no_corner_of_a_pixel_sees_is_hidden_and_a_large_body_is_not(tmp_path: Path, llvm_ad_rgb: None) -> None:
+    from whitted_validation.benchmark.error_drawing import Drawing
+
+    def hidden(radius: float) -> list[tuple[int, ...]]:
+        file = tmp_path / f"ball_{radius}.xml"
+        file.write_text(f"""<scene version="3.0.0"><integrator type="whitted"/><sensor type="perspective">
+          <float name="fov" value="90"/><film type="hdrfilm"><integer name="width" value="8"/>
+          <integer name="height" value="8"/><rfilter type="box"/></film></sensor><shape type="sphere">
+          <point name="center" value="-1.25, 3.75, 10"/><float name="radius" value="{radius}"/>
+          <emitter type="area"/></shape></scene>""")
+        return [tuple(map(int, place)) for place in np.argwhere(Drawing(file).hidden(16))]
+
+    # A pixel is 2.5 wide at the ball's distance: its centre is that of the pixel in column 4, row 2.
+    assert hidden(0.5) == [(2, 4)]
+    assert hidden(3.0) == []
+
+
+def test_what_path_cannot_draw_is_taken_out_of_the_scene(tmp_path: Path) -> None:
+    from whitted_validation.benchmark.error_drawing import for_peers
+
+    root = ET.parse(for_peers(scenes.write("a", tmp_path, lights=1), "stratified")).getroot()
+    assert [emitter.get("type") for emitter in root.iter("emitter")] == ["point"]
+    assert {e.get("name") for e in root.iter()}.isdisjoint({"mirror_reflectance", "ambient"})
+    assert [sampler.get("type") for sampler in root.iter("sampler")] == ["stratified"]
+
+
+# ----------------------------------------------------------------------------------------------- the command
+@needs_llvm
+@pytest.mark.slow
+def test_the_quick_benchmark_writes_data_and_a_page(tmp_path: Path) -> None:
+    ours = "from whitted_validation.cli import main; main()"
+    arguments = ["benchmark", "error", "--quick", "--report", str(tmp_path / "report")]
+    done = subprocess.run([sys.executable, "-c", ours, *arguments], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    facts = json.loads((tmp_path / "report" / "results.json").read_text())
+    assert facts["complete"] is True
+    points = facts["scenes"]["a"]["points"]
+    assert {point["way"] for point in points} == {"grid", "target error"}
+    assert {point["way"] for point in facts["peers"]["points"]} > {"path, independent", "direct, independent"}
+    errors = [point["rmse"] for point in points if point["way"] == "grid"]
+    assert errors == sorted(errors, reverse=True)
+    assert {target["verdict"] for target in facts["targets"]} == {"not measured"}
+    assert "<svg" in (tmp_path / "report" / "report.html").read_text()
