@@ -39,7 +39,6 @@ CASES = {f"{case.family}: {case.name}": case for case in suite.cases(quick=True)
 KNOWN = {
     "closed meshes: aimed at vertices": "Embree's edge tests are not exact at a vertex: twice as many slip through",
     "mirror chains: picture between four balls": "the verdict gives up after 64 alternatives of a pixel",
-    "refused input: spot of no width": "the reference takes cutoff_angle 0, the plugin does not",
 }
 """Statements that do not hold yet, and why: to be struck out as they are mended, which a strict xfail demands."""
 

@@ -32,6 +32,8 @@ def _light(p: Properties, number: int) -> scene.Light:
     elif p.type == "spot":
         m = p.transform()
         cutoff = p.single("cutoff_angle", 20.0, 0.0, 180.0)
+        if cutoff == 0.0:  # the ramp of a cone without width is not defined
+            raise p.refuse("`cutoff_angle` is 0; allowed: above 0, to 180")
         beam = float32.nearest(float32.nearest(cutoff * 3.0) / 4.0)
         beam = p.single("beam_width", beam, 0.0)
         if beam > cutoff:  # compared after rounding: the same decimals twice are allowed
