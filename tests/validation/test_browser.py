@@ -333,6 +333,20 @@ def test_an_explanation_shows_with_its_pixel(browser: Browser, tmp_path: Path) -
     assert browser.ask("typeof hacked") == "undefined"
 
 
+def test_of_several_scenes_only_unequal_ones_show_rays_at_once(browser: Browser, tmp_path: Path) -> None:
+    """A page of all scenes would be a hundred screens long."""
+    a = np.zeros((1, 2, 3), np.float32)
+    shown = [
+        report.Viewer(a, a + k, status=np.array([[0, 2 * k]], np.uint8), explained={"1,0": "<p>rays</p>"})
+        for k in (0, 1)
+    ]
+    report.write(tmp_path, {}, "t", shown)
+    browser.open(tmp_path / "report.html")
+    hidden = browser.ask("[...document.querySelectorAll('.rays')].map((rays) => rays.hidden)")
+    assert hidden == [True, False]
+    assert browser.text(".place") == "pixel 1, 0"
+
+
 def test_on_a_phone_it_fits_and_fingers_work(browser: Browser, judged: Judged) -> None:
     browser.open(judged.page, width=375, height=740, touch=True)
     assert browser.ask("document.scrollingElement.scrollWidth") <= 375

@@ -25,10 +25,11 @@ class Viewer {
     this.list();
     new ResizeObserver(() => this.resize()).observe(this.find(".canvas"));
     this.resize();
-    // At first the worst pixel; if all are equal, one whose rays are drawn.
+    // At first the worst pixel; if all are equal, one whose rays are drawn: at once, if there is no other viewer.
     const first = this.listed[0] ?? this.drawn[this.drawn.length >> 1];
     tell(this, first ?? 0);
-    if (first !== undefined && pair.status) this.choose(first, false);
+    const alone = document.querySelectorAll(".viewer").length === 1;
+    if (first !== undefined && pair.status && (this.listed.length || alone)) this.choose(first, false);
   }
 
   // ---------------------------------------------------------------------------------------------- controls
