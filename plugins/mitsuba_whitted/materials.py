@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, NamedTuple, TypeAlias
 
 import drjit as dr
@@ -105,7 +106,7 @@ class Coefficient:
     def __init__(
         self, graph: SceneGraph, kind: Any, entries: list[tuple[str, Scaled | None]], what: str, most: float
     ) -> None:
-        self._kind, self._most = kind, most
+        self._graph, self._kind, self._most = graph, kind, most
         width = 1 if kind is mi.Float else dr.size_v(kind)
         self.textures: list[mi.Texture] = []
         rows, numbers = [], []
@@ -140,6 +141,17 @@ class Coefficient:
                     factor = dr.clip(factor[0], 0, self._most)  # not eval_1(): a checkerboard swaps its colours there
                 value = dr.select(here, value * factor, value)
         return value
+
+    def squares(self, material: Any, uv: Any, active: Any) -> Iterator[Any]:
+        """Tell the squares of checkerboards apart: for each of these the column and the row of the one at `uv`."""
+        boards = [(i, t) for i, t in enumerate(self.textures) if t.class_name().startswith("Checkerboard")]
+        number = fetch(mi.UInt32, self._numbers, material, active) if boards else None
+        for i, board in boards:
+            to_uv = np.array(self._graph.value(board, "to_uv").matrix, float).reshape(3, 3)
+            here = active & (number == i + 1)
+            for x, y, z in to_uv[:2]:
+                at = 2 * dr.fma(uv.x, float(x), dr.fma(uv.y, float(y), float(z)))  # in squares, two to a period
+                yield dr.select(here, mi.UInt32(mi.Int32(dr.floor(at))), 0)
 
     def _number_of(self, graph: SceneGraph, texture: mi.Texture, owner: str, what: str) -> int:
         _check_texture(graph, texture, f"{owner}: {what}", self._most)
@@ -194,6 +206,12 @@ class Materials:
         same = all(material.k_a == material.k_d for material in materials)
         self.k_a = self.k_d if same else coefficient(mi.Spectrum, "k_a", "ambient reflectance", 1)
         self.exponent = coefficient(mi.Float, "exponent", "exponent", MAX_EXPONENT)
+
+    def squares(self, material: Any, uv: Any, active: Any) -> Iterator[Any]:
+        """Tell the squares of all checkerboards in row `material` apart."""
+        shared = (self.k_a,) if self.k_a is not self.k_d else ()
+        for coefficient in (self.k_d, self.k_s, self.k_m, self.exponent, *shared):
+            yield from coefficient.squares(material, uv, active)
 
     def row_of(self, shape: Any, from_behind: Any, active: Any) -> Any:
         """Row of the material that shape row `shape` shows on this side."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -87,6 +88,11 @@ class Stage:
         si = dr.zeros(mi.SurfaceInteraction3f)
         si.wi = -d
         return self.environment.eval(si, active)
+
+    def squares(self, hit: Any, material: Any, active: Any) -> Iterator[Any]:
+        """Give numbers that tell apart the squares of all checkerboards that a surface wears."""
+        yield from self.materials.squares(material, hit.uv, active)
+        yield from self.emission.squares(hit.shape, hit.uv, active)
 
     def name_of(self, shape: int, instance: int) -> str:
         """Id of the shape in row `shape`, after that of the instance which placed it, counted from 1, if any did."""

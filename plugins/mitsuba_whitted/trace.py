@@ -27,7 +27,8 @@ class Traced(NamedTuple):
     shadow_rays: Any
     mirror_rays: Any
     path: Any
-    """Number of the path: equal where the same objects were met and the same lights seen, bounce after bounce."""
+    """Number of the path: equal where the same objects were met, on them the same squares of checkerboards, and the
+    same lights seen, bounce after bounce."""
     cut_rays: Any
     """Whether a mirror was not followed since it passes too little: see `Stage.least_throughput`."""
 
@@ -154,6 +155,9 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
         colour += ambient
 
     path = _joined(chain.path, dr.select(found, 2 * hit.shape + dr.select(behind, mi.UInt32(2), mi.UInt32(1)), 0))
+    if plan.textured:
+        for number in stage.squares(hit, material, found):
+            path = _joined(path, number)
     shadow_rays, seen = mi.UInt32(0), mi.UInt32(0)
     if plan.lights:
         k_d = coefficient(stage.materials.k_d) if plan.diffuse else mi.Spectrum(0)

@@ -247,6 +247,24 @@ def test_paths_differ_by_the_objects_met_and_by_the_lights_seen(llvm_ad_rgb, sce
     assert np.ptp(colour[:, path == lit_floor]) <= 64 * 2.0**-24
 
 
+@pytest.mark.parametrize(
+    "look",
+    [
+        '<emitter type="area"><texture type="checkerboard" name="radiance">{to_uv}</texture></emitter>',
+        '<bsdf type="diffuse"><texture type="checkerboard" name="reflectance">{to_uv}</texture></bsdf>',
+        '<bsdf type="blinnphong"><texture type="checkerboard" name="mirror_reflectance">{to_uv}</texture></bsdf>',
+    ],
+)
+def test_every_square_of_a_checkerboard_is_a_path_of_its_own(llvm_ad_rgb, scene_of, look):
+    # The board fills the view: 3 x 2 periods are 6 x 4 squares, and what lies 1/4 further on has 7 columns.
+    for shift, squares in ((0, 6 * 4), (0.25, 7 * 4)):
+        to_uv = f'<transform name="to_uv"><scale x="3" y="2"/><translate x="{shift}"/></transform>'
+        board = f"""<shape type="rectangle"><transform name="to_world"><rotate y="1" angle="180"/><scale value="4"/>
+          <translate z="4"/></transform>{look.format(to_uv=to_uv)}</shape>"""
+        found = centres(scene_of(board, size=(36, 36)), 36)
+        assert len({*np.array(found.path)}) == squares
+
+
 @pytest.mark.parametrize("value", ["-0.001", "nan", "inf"])
 def test_a_target_that_is_no_error_is_refused(llvm_ad_rgb, scene_of, value):
     with pytest.raises(RuntimeError, match=r"target_error .* is out of range; it must be finite and not negative"):
