@@ -1,10 +1,11 @@
 """Pixels to a target error: each is split where it must be, and edges are found instead of averaged over.
 
-A cell, at first a pixel, has samples at its four corners, which it shares with its neighbours. Where their paths
-are one (the same objects met, the same squares of checkerboards and the same lights seen at every bounce) and their
-colours nearly linear, the mean of the corners is its colour, or Simpson's rule with one sample more in its centre. A cell of
-two paths has an edge: where that crosses the sides is found by bisection, how it is bent between by a search across the chord, and each side of it
-counts by its area, with the colour at its centroid (`edges`). Whatever does not bear this out is split in four.
+A cell, at first a pixel, has samples at its four corners, which it shares with its neighbours. Where their paths are
+one (the same objects met, the same squares of checkerboards and the same lights seen at every bounce) and their
+colours nearly linear, the mean of the corners is its colour, or Simpson's rule with one sample more in its centre. A
+cell of two paths has an edge: where that crosses the sides is found by bisection, how it is bent between by a search
+across the chord, and each side of it counts by its area, with the colour at its centroid (`edges`). Whatever does not
+bear this out is split in four.
 
 Which cells need more than their corners is decided by the error that is left: cells are refined from the worst down
 until the sum of the squares of all that is left meets the target (water-filling), and at every depth anew, with
