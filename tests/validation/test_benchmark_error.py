@@ -14,8 +14,9 @@ import pytest
 
 from mitsuba_whitted import LIBLLVM
 from whitted_validation.benchmark import scenes
-from whitted_validation.benchmark.error import FULL, GRID, TARGET, Curves, Kept, Results
+from whitted_validation.benchmark.error import GRID, TARGET, Curves, Kept, Results
 from whitted_validation.benchmark.error_curves import Point, at_error, cheapest, cpu, rays, slope
+from whitted_validation.benchmark.error_schedule import FULL
 from whitted_validation.benchmark.error_targets import LEAST_SCENES, outcomes
 from whitted_validation.benchmark.speed_pairs import Comparison, Interval
 from whitted_validation.benchmark.speed_worker import Sample
@@ -194,4 +195,5 @@ def test_the_quick_benchmark_writes_data_and_a_page(tmp_path: Path) -> None:
     errors = [point["rmse"] for point in points if point["way"] == "grid"]
     assert errors == sorted(errors, reverse=True)
     assert {target["verdict"] for target in facts["targets"]} == {"not measured"}
+    assert all(0 == wrong["ours"] < wrong["by_epsilon"][0][1] for wrong in facts["shadows"])
     assert "<svg" in (tmp_path / "report" / "report.html").read_text()

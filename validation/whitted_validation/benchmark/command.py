@@ -86,7 +86,8 @@ def error(quick: bool, report: str | None) -> None:
     import mitsuba as mi
 
     from whitted_validation.benchmark import error_page
-    from whitted_validation.benchmark.error import FULL, QUICK, Results, run
+    from whitted_validation.benchmark.error import Results, run
+    from whitted_validation.benchmark.error_schedule import FULL, QUICK
     from whitted_validation.benchmark.error_targets import outcomes
 
     mi.set_variant("llvm_ad_rgb")

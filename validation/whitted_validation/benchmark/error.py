@@ -15,6 +15,8 @@ from whitted_validation import random_scenes
 from whitted_validation.benchmark import scenes
 from whitted_validation.benchmark.error_curves import Point
 from whitted_validation.benchmark.error_drawing import PEERS, Draw, Drawing, Image, Timed, for_peers, pixels
+from whitted_validation.benchmark.error_epsilon import Wrong, shadows
+from whitted_validation.benchmark.error_schedule import Schedule
 from whitted_validation.benchmark.speed_pairs import compare as compare_times
 from whitted_validation.comparison import compare
 
@@ -43,86 +45,8 @@ GRID, TARGET = "grid", "target error"
 ONE_SAMPLE = 1
 
 
-@dataclass(frozen=True)
-class Schedule:
-    """What is to be measured.
-
-    Attributes
-    ----------
-    kinds : letters of the scenes
-    size : of their pictures, in pixels
-    grids : samples along the side of a pixel
-    targets : target errors
-    converged : samples along the side of a pixel of the converged pictures
-    refined : target error of the picture that they are checked against
-    samplers, spp, peers_size : for Mitsuba's integrators, on scene a with one light
-    epsilons : the textbook's constants, world units
-    exact_size : of the picture that the reference draws in double precision
-    random, random_size : how many random scenes, (width, height)
-    pairs, patience : of samples a point at most; fewer where they would take longer than so many seconds
-    """
-
-    kinds: str
-    size: int
-    grids: tuple[int, ...]
-    targets: tuple[float, ...]
-    converged: int
-    refined: float
-    samplers: tuple[str, ...]
-    spp: tuple[int, ...]
-    peers_size: int
-    epsilons: tuple[float, ...]
-    exact_size: int
-    random: int
-    random_size: tuple[int, int]
-    pairs: int
-    patience: float
-
-    def count(self) -> int:
-        """Count the steps of `run`."""
-        curve = len(self.grids) + len(self.targets)
-        peers = curve + 1 + len(self.samplers) * len(PEERS) * len(self.spp)
-        return len(self.kinds) * (curve + 1) + peers + 1 + self.random + 1
-
-
 TICK = 0.1
 """A tick of the CPU's clock is at most this share of a sample."""
-
-FULL = Schedule(
-    kinds="abc",
-    size=512,
-    grids=(1, 2, 3, 4, 6, 8, 12, 16),
-    targets=(3e-2, 1e-2, 5e-3, 3e-3, 2e-3, 1e-3, 5e-4, 3e-4, 2e-4, 1e-4),
-    converged=64,
-    refined=3e-5,
-    samplers=("independent", "stratified", "multijitter"),
-    spp=(1, 4, 16, 64, 256),
-    peers_size=256,
-    epsilons=tuple(10.0**-digits for digits in range(7, -1, -1)),
-    exact_size=96,
-    random=32,
-    random_size=(128, 96),
-    pairs=7,
-    patience=4.0,
-)
-
-QUICK = Schedule(
-    kinds="a",
-    size=64,
-    grids=(1, 2, 4),
-    targets=(1e-2, 3e-3, 1e-3),
-    converged=16,
-    refined=1e-3,
-    samplers=("independent",),
-    spp=(1, 4),
-    peers_size=32,
-    epsilons=(1e-6, 1e-1),
-    exact_size=16,
-    random=2,
-    random_size=(32, 24),
-    pairs=1,
-    patience=1.0,
-)
 
 
 @dataclass
@@ -172,6 +96,7 @@ class Results:
     scenes : by letter
     peers : scene a with one light and without mirrors, where `path` and `direct` converge to the same picture
     epsilon : RMSE of one sample a pixel with the textbook's constant, against one without
+    shadows : points that it puts in the wrong light
     exact : RMSE of one sample a pixel in float32, against double precision, and its largest error; pixels off by more
         than 1e-3; pixels in all
     kept : target errors on all scenes
@@ -181,6 +106,7 @@ class Results:
     scenes: dict[str, Curves] = field(default_factory=dict)
     peers: Curves | None = None
     epsilon: list[Point] = field(default_factory=list)
+    shadows: list[Wrong] = field(default_factory=list)
     exact: tuple[float, float, int, int] | None = None
     kept: list[Kept] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -218,9 +144,10 @@ def _steps(schedule: Schedule, folder: Path, results: Results, told: Callable[[s
             yield
     results.peers = Curves("six balls on a floor, no mirror, one light", SEED, schedule.peers_size)
     yield from _peers(results.peers, schedule, folder, told)
-    told("the textbook's epsilon, and double precision")
+    told("the textbook's epsilon")
     file = scenes.write("a", folder, SEED)
     _epsilons(file, results, schedule)
+    results.shadows = shadows()
     yield
     for number in range(schedule.random):
         told(f"random scene {number}")

@@ -3,7 +3,7 @@
 results.json, besides what every command writes
     quick      whether `--quick` was given
     complete   false while steps are missing, and after an interruption
-    schedule   what was to be measured: see `error.Schedule`
+    schedule   what was to be measured: see `error_schedule.Schedule`
     frozen     the commit whose number gives the seeds
     targets    one object a target: target, measured, verdict (met, not met, not measured)
     scenes     by letter: title, seed, size, rays (of one sample a pixel, all kinds), unsure and checked (RMSE between
@@ -14,6 +14,7 @@ results.json, besides what every command writes
             pixel, as `comparison` in results.json of `whitted benchmark speed`)
     peers      the same of the scene that `path` and `direct` draw alike
     epsilon    points of the textbook's constant; knob is the constant, in world units
+    shadows    share of points in the wrong light: case, by_epsilon (pairs), ours (without a constant)
     exact      of one sample a pixel in float32 against double precision: rmse, largest, above_1e-3, pixels
     kept       one object a target error and scene: scene, target, rmse, rays, unsure
     seconds    that it took;    notes: what could not be measured
@@ -21,17 +22,21 @@ results.json, besides what every command writes
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from whitted_validation import report
-from whitted_validation.benchmark.error import FROZEN, Curves, Results, Schedule
+from whitted_validation.benchmark.error import FROZEN, Curves, Results
 from whitted_validation.benchmark.error_curves import Of, Point, cheapest, cpu, rays, slope, wall
-from whitted_validation.benchmark.error_targets import NAMES, extra, outcomes, trusted
+from whitted_validation.benchmark.error_epsilon import Wrong
+from whitted_validation.benchmark.error_schedule import Schedule
+from whitted_validation.benchmark.error_targets import MOST_UNSURE, NAMES, extra, outcomes, trusted
 from whitted_validation.benchmark.speed_page import plain, targets_table
 from whitted_validation.report import Chart, Group, Section, Sentence, Table
-from whitted_validation.report.sections import Cell, short
+from whitted_validation.report.sections import Cell, Tone, short
+from whitted_validation.stress.case import percent
 
 AXES: dict[str, Of] = {"rays": rays, "extra rays": extra, "CPU time": cpu}
 
@@ -49,6 +54,7 @@ def write(folder: Path, results: Results, schedule: Schedule, quick: bool) -> No
         "scenes": {kind: _curves_facts(curves) for kind, curves in results.scenes.items()},
         "peers": _curves_facts(results.peers) if results.peers else None,
         "epsilon": [plain(point) for point in results.epsilon],
+        "shadows": [plain(each) for each in results.shadows],
         "exact": dict(zip(("rmse", "largest", "above_1e-3", "pixels"), results.exact, strict=True))
         if results.exact
         else None,
@@ -95,6 +101,9 @@ def lines(results: Results) -> Iterator[str]:
             )
     for p in results.epsilon:
         yield f"epsilon {p.knob:<8g} RMSE {p.rmse:.2e} worst {p.largest:.2e}"
+    for wrong in results.shadows:
+        shares = ", ".join(f"{epsilon:g}: {percent(share)}" for epsilon, share in wrong.by_epsilon)
+        yield f"points in the wrong light, {wrong.case}, by epsilon: {shares}; without: {percent(wrong.ours)}"
     for kept in results.kept:
         if kept.scene not in results.scenes:
             parts = f"RMSE {kept.rmse / kept.target:.2f} E, {kept.rays:.3g} times the rays of one sample a pixel"
@@ -134,7 +143,7 @@ def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]
     if results.kept:
         parts.append(_kept(results))
     if results.epsilon:
-        parts.append(_epsilon(results.epsilon))
+        parts.append(_epsilon(results.epsilon, results.shadows))
     if results.exact:
         note = f"Scene a, {schedule.exact_size} x {schedule.exact_size}, one sample a pixel, by the reference tracer."
         parts.append(Group("float32 against double precision", [Sentence(_exact(results.exact) + ".")], note))
@@ -155,17 +164,24 @@ def _scene(name: str, curves: Curves, schedule: Schedule) -> Group:
         return Group(f"Scene {name}: {curves.title}", [], note)
     ways = _ways(curves)
     parts: list[Section] = []
-    for label, of in (("rays", rays), ("CPU time", cpu)):
-        series = {way: [(of(p), p.rmse) for p in curves.of(way)] for way in ways}
-        counted = {way: points for way, points in series.items() if any(x == x for x, _ in points)}
-        parts.append(Chart("Error against cost", f"{label}, one sample a pixel = 1", "RMSE", counted))
+    slopes = _slopes(curves)
     front = {id(point) for point in cheapest(curves.points, cpu)}
+    for axis in ("rays", "CPU time"):
+        series = {}
+        for way in ways:
+            points = [(AXES[axis](p), p.rmse) for p in curves.of(way) if AXES[axis](p) > 0]
+            fitted = "" if math.isnan(slopes[way][axis]) else f", slope {slopes[way][axis]:.2f}"
+            if points:
+                series[f"{way}{fitted}"] = points
+        parts.append(Chart("Error against cost", f"{axis}, one sample a pixel = 1", "RMSE", series))
     rows = [_row(point, id(point) in front) for point in curves.points]
     errors, costs = ("RMSE", "99.9 %", "worst", "FLIP"), ("rays", "CPU time", "wall time")
     columns = ["way", "n, E or samples", *errors, *costs, "missed", ""]
     parts.append(Table(columns, rows, "All pictures; on the front: none is better in both CPU time and RMSE"))
-    fitted: list[list[str | float | Cell]] = [[way, *found.values()] for way, found in _slopes(curves).items()]
-    parts.append(Table(["way", *AXES], fitted, "Slopes: RMSE falls with this power of the cost"))
+    table: list[list[str | float | Cell]] = [
+        [way, *("" if math.isnan(x) else f"{x:.2f}" for x in found.values())] for way, found in slopes.items()
+    ]
+    parts.append(Table(["way", *AXES], table, "Slopes: RMSE falls with this power of the cost"))
     return Group(f"Scene {name}: {curves.title}", parts, note)
 
 
@@ -189,19 +205,30 @@ def _kept(results: Results) -> Group:
                 row += ["", ""]
             else:
                 over = each.rmse / each.target
-                row += [Cell(over, "good" if over <= 1 else "bad"), each.rays]
+                tone: Tone = "quiet" if each.unsure > MOST_UNSURE * each.target else "good" if over <= 1 else "bad"
+                row += [Cell(over, tone), each.rays]
         rows.append(row)
     columns = ["scene", "converged within", *(c for t in targets for c in (f"RMSE / {t:g}", "rays"))]
-    note = "RMSE over the target error, and rays over those of one sample a pixel."
+    note = (
+        "RMSE over the target error, and rays over those of one sample a pixel; grey where the converged picture "
+        "itself may be too far off to tell."
+    )
     return Group("Is the target error kept?", [Table(columns, rows)], note)
 
 
-def _epsilon(points: list[Point]) -> Group:
+def _epsilon(points: list[Point], shadows: list[Wrong]) -> Group:
     note = (
         "Scene a at one sample a pixel, drawn with the textbook's constant on all shadow and mirror rays, against the "
-        "picture without any. Too small a constant lets surfaces shade themselves; too large a one loses contacts. "
-        "`whitted stress` counts the points that come out wrong, case by case."
+        "picture without any: too small a constant lets surfaces shade themselves, too large a one loses contacts. "
+        "Below, points of bodies that are alone and come out lit instead of dark, or dark instead of lit; `whitted "
+        "stress` has more of such cases."
     )
     chart = Chart("Error against epsilon", "epsilon, world units", "RMSE", {"RMSE": [(p.knob, p.rmse) for p in points]})
     rows: list[list[str | float | Cell]] = [[f"{p.knob:g}", p.rmse, p.p999, p.largest] for p in points]
-    return Group("The textbook's epsilon", [chart, Table(["epsilon", "RMSE", "99.9 %", "worst"], rows)], note)
+    parts: list[Section] = [chart, Table(["epsilon", "RMSE", "99.9 %", "worst"], rows)]
+    if shadows:
+        wrong = {each.case: each.by_epsilon for each in shadows}
+        parts.append(Chart("Points in the wrong light", "epsilon, sizes of the body", "share", wrong))
+        without = ", ".join(f"{percent(each.ours)} ({each.case})" for each in shadows)
+        parts.append(Sentence(f"Without a constant the share of wrong points is {without}."))
+    return Group("The textbook's epsilon", parts, note)

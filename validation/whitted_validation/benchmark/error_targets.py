@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from whitted_validation.benchmark.error import FULL, GRID, TARGET, Curves, Kept, Results
+from whitted_validation.benchmark.error import GRID, TARGET, Curves, Kept, Results
 from whitted_validation.benchmark.error_curves import Of, Point, at_error, cpu, largest, rays, slope, wall
+from whitted_validation.benchmark.error_schedule import FULL
 from whitted_validation.benchmark.speed_targets import Outcome
 
 NAMES = {"a": "balls", "b": "clutter", "c": "mesh"}

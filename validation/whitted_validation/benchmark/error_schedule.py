@@ -1,0 +1,86 @@
+"""What the measurement of error against cost is to cover: all of it, or a quick look."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from whitted_validation.benchmark.error_drawing import PEERS
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """What is to be measured.
+
+    Attributes
+    ----------
+    kinds : letters of the scenes
+    size : of their pictures, in pixels
+    grids : samples along the side of a pixel
+    targets : target errors
+    converged : samples along the side of a pixel of the converged pictures
+    refined : target error of the picture that they are checked against
+    samplers, spp, peers_size : for Mitsuba's integrators, on scene a with one light
+    epsilons : the textbook's constants, world units
+    exact_size : of the picture that the reference draws in double precision
+    random, random_size : how many random scenes, (width, height)
+    pairs, patience : of samples a point at most; fewer where they would take longer than so many seconds
+    """
+
+    kinds: str
+    size: int
+    grids: tuple[int, ...]
+    targets: tuple[float, ...]
+    converged: int
+    refined: float
+    samplers: tuple[str, ...]
+    spp: tuple[int, ...]
+    peers_size: int
+    epsilons: tuple[float, ...]
+    exact_size: int
+    random: int
+    random_size: tuple[int, int]
+    pairs: int
+    patience: float
+
+    def count(self) -> int:
+        """Count the steps of `run`."""
+        curve = len(self.grids) + len(self.targets)
+        peers = curve + 1 + len(self.samplers) * len(PEERS) * len(self.spp)
+        return len(self.kinds) * (curve + 1) + peers + 1 + self.random + 1
+
+
+FULL = Schedule(
+    kinds="abc",
+    size=512,
+    grids=(1, 2, 3, 4, 6, 8, 12, 16),
+    targets=(3e-2, 1e-2, 5e-3, 3e-3, 2e-3, 1e-3, 5e-4, 3e-4, 2e-4, 1e-4),
+    converged=64,
+    refined=3e-5,
+    samplers=("independent", "stratified", "multijitter"),
+    spp=(1, 4, 16, 64, 256),
+    peers_size=256,
+    epsilons=tuple(10.0**-digits for digits in range(7, -1, -1)),
+    exact_size=96,
+    random=32,
+    random_size=(128, 96),
+    pairs=7,
+    patience=4.0,
+)
+
+QUICK = Schedule(
+    kinds="a",
+    size=64,
+    grids=(1, 2, 4),
+    targets=(1e-2, 3e-3, 1e-3),
+    converged=16,
+    refined=1e-3,
+    samplers=("independent",),
+    spp=(1, 4),
+    peers_size=32,
+    epsilons=(1e-6, 1e-1),
+    exact_size=16,
+    random=2,
+    random_size=(32, 24),
+    pairs=1,
+    patience=1.0,
+)
