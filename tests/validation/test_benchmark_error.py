@@ -138,6 +138,15 @@ def test_the_promise_is_not_judged_on_few_scenes_nor_by_unsure_pictures() -> Non
         assert of(verdicts(results), "target error kept") == "not measured"
 
 
+def test_a_certain_miss_counts_however_unsure_the_converged_picture_is() -> None:
+    assert of(verdicts(keeping(1.3, 1.3)), "target error kept") == "not met"
+    kept = keeping().kept
+    unsure = [Kept(f"unsure {i}", 1e-3, rmse, 2.0, 4e-4) for i, rmse in enumerate((1.3e-3, 1.3e-3, 1.3e-3))]
+    assert of(verdicts(Results(kept=kept + unsure)), "target error kept") == "met"  # each may be within 1e-3
+    certain = [Kept(f"certain {i}", 1e-3, 1.5e-3, 2.0, 4e-4) for i in range(3)]
+    assert of(verdicts(Results(kept=kept + certain)), "target error kept") == "not met"
+
+
 # ----------------------------------------------------------------------------------------------- the drawing
 @needs_llvm
 def test_path_converges_to_the_picture_of_the_scene_without_mirrors(tmp_path: Path, llvm_ad_rgb: None) -> None:

@@ -32,7 +32,7 @@ from whitted_validation.benchmark.error import FROZEN, Curves, Results
 from whitted_validation.benchmark.error_curves import Of, Point, cheapest, cpu, rays, slope, wall
 from whitted_validation.benchmark.error_epsilon import Wrong
 from whitted_validation.benchmark.error_schedule import Schedule
-from whitted_validation.benchmark.error_targets import MOST_UNSURE, NAMES, extra, outcomes, trusted
+from whitted_validation.benchmark.error_targets import NAMES, can_judge, extra, outcomes, trusted
 from whitted_validation.benchmark.speed_page import plain, targets_table
 from whitted_validation.report import Chart, Group, Section, Sentence, Table
 from whitted_validation.report.sections import Cell, Tone, short
@@ -205,7 +205,8 @@ def _kept(results: Results) -> Group:
                 row += ["", ""]
             else:
                 over = each.rmse / each.target
-                tone: Tone = "quiet" if each.unsure > MOST_UNSURE * each.target else "good" if over <= 1 else "bad"
+                tone: Tone = "good" if over <= 1 else "bad"
+                tone = tone if can_judge(each) else "quiet"
                 row += [Cell(over, tone), each.rays]
         rows.append(row)
     columns = ["scene", "converged within", *(c for t in targets for c in (f"RMSE / {t:g}", "rays"))]

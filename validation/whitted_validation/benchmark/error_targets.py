@@ -37,7 +37,7 @@ CHEAP = 1.3
 MOST_UNSURE = 0.3
 """RMSE over the target error: never above the first, nor below the second unless the picture takes fewer rays than the
 third, over those of one sample a pixel. A converged picture that is more unsure than the fourth, in parts of the target
-error, judges nothing.
+error, judges only what exceeds the target by more than that.
 """
 
 STEEPEST_GRID = -1.0
@@ -111,9 +111,14 @@ def _clutter(curves: Curves | None) -> Iterator[Outcome]:
         yield Outcome(target, text if ratios else "", not slower if ratios else None)
 
 
+def can_judge(kept: Kept) -> bool:
+    """Tell whether the converged picture is good enough to judge this one, or this one so bad that any is."""
+    return kept.unsure <= MOST_UNSURE * kept.target or kept.rmse - kept.unsure > kept.target
+
+
 def _promise(kept: Sequence[Kept]) -> Iterator[Outcome]:
-    unknown = sum(each.unsure > MOST_UNSURE * each.target for each in kept)
-    kept = [each for each in kept if each.unsure <= MOST_UNSURE * each.target]
+    unknown = sum(not can_judge(each) for each in kept)
+    kept = [each for each in kept if can_judge(each)]
     scenes = len({each.scene for each in kept})
     below = sum(each.rmse <= each.target for each in kept)
     over = [each for each in kept if each.rmse > MOST_OVER * each.target]
