@@ -28,8 +28,9 @@ from pathlib import Path
 from typing import Any
 
 from whitted_validation import report
-from whitted_validation.benchmark.error import FROZEN, Curves, Results
+from whitted_validation.benchmark.error import FROZEN, GRID, TARGET, Curves, Results
 from whitted_validation.benchmark.error_curves import Of, Point, cheapest, cpu, rays, slope, wall
+from whitted_validation.benchmark.error_drawing import PEERS
 from whitted_validation.benchmark.error_epsilon import Wrong
 from whitted_validation.benchmark.error_schedule import Schedule
 from whitted_validation.benchmark.error_targets import NAMES, can_judge, extra, outcomes, trusted
@@ -74,8 +75,15 @@ def _ways(curves: Curves) -> list[str]:
     return list(dict.fromkeys(point.way for point in curves.points))
 
 
+def _others(curves: Curves) -> list[list[str]]:
+    """Tell what is drawn beside our own two curves: nothing, and then each of Mitsuba's integrators."""
+    by_peer = [[way for way in _ways(curves) if way.startswith(f"{peer},")] for peer in PEERS]
+    return [[], *(ways for ways in by_peer if ways)]
+
+
 def _slopes(curves: Curves) -> dict[str, dict[str, float]]:
-    return {way: {axis: slope(trusted(curves, way), of) for axis, of in AXES.items()} for way in _ways(curves)}
+    ways = dict.fromkeys((GRID, TARGET, *_ways(curves)))
+    return {way: {axis: slope(trusted(curves, way), of) for axis, of in AXES.items()} for way in ways}
 
 
 def summary(results: Results) -> str:
@@ -162,18 +170,19 @@ def _scene(name: str, curves: Curves, schedule: Schedule) -> Group:
     )
     if not curves.points:
         return Group(f"Scene {name}: {curves.title}", [], note)
-    ways = _ways(curves)
     parts: list[Section] = []
     slopes = _slopes(curves)
     front = {id(point) for point in cheapest(curves.points, cpu)}
     for axis in ("rays", "CPU time"):
-        series = {}
-        for way in ways:
-            points = [(AXES[axis](p), p.rmse) for p in curves.of(way) if AXES[axis](p) > 0]
-            fitted = "" if math.isnan(slopes[way][axis]) else f", slope {slopes[way][axis]:.2f}"
-            if points:
-                series[f"{way}{fitted}"] = points
-        parts.append(Chart("Error against cost", f"{axis}, one sample a pixel = 1", "RMSE", series))
+        for others in _others(curves):
+            series = {}
+            for way in (GRID, TARGET, *others):
+                points = [(AXES[axis](p), p.rmse) for p in curves.of(way) if AXES[axis](p) > 0]
+                fitted = "" if math.isnan(slopes[way][axis]) else f", slope {slopes[way][axis]:.2f}"
+                if points:
+                    series[f"{way}{fitted}"] = points
+            if axis == "CPU time" or not others:
+                parts.append(Chart("Error against cost", f"{axis}, one sample a pixel = 1", "RMSE", series))
     rows = [_row(point, id(point) in front) for point in curves.points]
     errors, costs = ("RMSE", "99.9 %", "worst", "FLIP"), ("rays", "CPU time", "wall time")
     columns = ["way", "n, E or samples", *errors, *costs, "missed", ""]
