@@ -91,6 +91,8 @@ class Stage:
 
     def squares(self, hit: Any, material: Any, active: Any) -> Iterator[Any]:
         """Give numbers that tell apart the squares of all checkerboards that a surface wears."""
+        if not dr.is_jit_v(mi.Float):
+            return  # scalar variants refine nothing, and stumble over the coordinates of what was not hit
         yield from self.materials.squares(material, hit.uv, active)
         yield from self.emission.squares(hit.shape, hit.uv, active)
 
