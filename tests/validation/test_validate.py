@@ -202,6 +202,16 @@ def test_ctrl_c_keeps_what_is_done_and_says_one_line(scene: Path, tmp_path: Path
     assert results["sentence"].endswith("not all scenes are done.")
 
 
+def test_ctrl_c_while_mitsuba_loads_a_scene_is_no_fault_of_the_scene(
+    scene: Path, llvm_ad_rgb: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise RuntimeError("At scene.xml: failed to instantiate integrator plugin: KeyboardInterrupt")
+
+    monkeypatch.setattr(mi, "load_file", interrupted)
+    assert judged([str(scene)]) == 130
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

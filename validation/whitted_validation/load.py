@@ -65,6 +65,8 @@ def load(seen: Scene, folders: Sequence[Path], defines: Mapping[str, str], senso
         # thread's message holds the log and waits for the interpreter, to be heard by `messages`.
         scene = mi.load_file(str(seen.file), parallel=False, optimize=False, **defines)
     except (RuntimeError, ValueError, TypeError) as error:
+        if "KeyboardInterrupt" in str(error):  # Ctrl-C in a plugin's constructor, which Mitsuba reports as an error
+            raise KeyboardInterrupt from None
         raise messages.refusal(error, seen) from None
     finally:
         mi.set_file_resolver(usual)  # type: ignore[operator]
