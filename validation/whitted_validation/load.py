@@ -11,7 +11,6 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_whitted.camera import Camera
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.stage import Settings
 from whitted_validation import messages
@@ -80,8 +79,7 @@ def load(seen: Scene, folders: Sequence[Path], defines: Mapping[str, str], senso
         remark = f"{seen.file}: has {seen.integrator}; drawn by whitted with its defaults"
         integrator = mi.load_dict({"type": "whitted", "id": "whitted"})
     try:
-        integrator.plan(scene)
-        Camera(sensors[sensor], np.zeros(3))
+        integrator.plan(scene, sensors[sensor])
     except SceneError as error:
         raise Refusal(f"{seen.file}: {error}") from None
     return Loaded(seen.file, scene, sensors[sensor], integrator, remark)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
+
+from whitted_validation.progress import steps
+
+if TYPE_CHECKING:
+    from whitted_validation.benchmark.speed_targets import Outcome
 
 
 def add_to(group: click.Group) -> None:
@@ -47,7 +50,10 @@ def speed(quick: bool, report: str | None) -> None:
             speed_page.write(Path(report), results, schedule, quick)
 
     save()  # before any work: the folder can be written to
-    with tempfile.TemporaryDirectory(prefix="whitted_speed_") as folder, _progress(schedule.count()) as (told, done):
+    with (
+        tempfile.TemporaryDirectory(prefix="whitted_speed_") as folder,
+        steps("benchmark", schedule.count()) as (told, done),
+    ):
         shown: dict[str, int] = {}
         last = ""
         for _ in run(schedule, Path(folder), results, told):
@@ -62,12 +68,7 @@ def speed(quick: bool, report: str | None) -> None:
         save()
     if quick:
         click.echo("A quick look at small pictures; the targets are those of the full measurement:")
-    for outcome in outcomes(results):
-        found = f": {outcome.measured}" if outcome.measured else ""
-        click.echo(f"{outcome.verdict:<13} {outcome.target.replace('`', '')}{found}")
-    for note in results.notes:
-        click.echo(note)
-    click.echo(speed_page.summary(results))
+    _say(outcomes(results), results.notes, speed_page.summary(results))
 
 
 @benchmark.command()
@@ -100,7 +101,10 @@ def error(quick: bool, report: str | None) -> None:
             error_page.write(Path(report), results, schedule, quick)
 
     save()  # before any work: the folder can be written to
-    with tempfile.TemporaryDirectory(prefix="whitted_error_") as folder, _progress(schedule.count()) as (told, done):
+    with (
+        tempfile.TemporaryDirectory(prefix="whitted_error_") as folder,
+        steps("benchmark", schedule.count()) as (told, done),
+    ):
         shown = 0
         for _ in run(schedule, Path(folder), results, told):
             done()
@@ -112,23 +116,14 @@ def error(quick: bool, report: str | None) -> None:
         save()
     if quick:
         click.echo("A quick look at small pictures; most targets are those of the full measurement:")
-    for outcome in outcomes(results):
+    _say(outcomes(results), results.notes, error_page.summary(results))
+
+
+def _say(held: Iterable[Outcome], notes: list[str], summary: str) -> None:
+    """Print the targets, each with its verdict, the notes and the summary."""
+    for outcome in held:
         found = f": {outcome.measured}" if outcome.measured else ""
         click.echo(f"{outcome.verdict:<13} {outcome.target.replace('`', '')}{found}")
-    for note in results.notes:
+    for note in notes:
         click.echo(note)
-    click.echo(error_page.summary(results))
-
-
-@contextmanager
-def _progress(count: int) -> Iterator[tuple[Callable[[str], Any], Callable[[], Any]]]:
-    """Show a bar on a terminal; elsewhere nobody is watching."""
-    if not sys.stderr.isatty():
-        yield lambda _: None, lambda: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("benchmark", total=count)
-        yield lambda what: bar.update(task, description=what), lambda: bar.advance(task)
+    click.echo(summary)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import click
 
+from whitted_validation.progress import steps
 from whitted_validation.refusal import Refusal
 
 
@@ -55,31 +52,17 @@ def _stress(quick: bool, folder: Path | None, asked: str | None) -> int:
             page.write(folder, results, len(wanted), quick, complete)
 
     save(complete=False)  # before any work: the folder can be written to
-    with processes() as workers, _progress(len(wanted)) as told:
+    with processes() as workers, steps("stress", len(wanted)) as (told, done):
         click.echo(page.heading())
         for result in run(wanted, quick, workers, cache_folder(), told=told):
             if not results or results[-1].case.family != result.case.family:
                 click.echo(result.case.family)
             click.echo(page.row(result))
             results.append(result)
+            done()
             save(complete=len(results) == len(wanted))
     click.echo(page.summary(results, len(wanted)))
     for result in results:
         if not result.holds:
             click.echo(f"does not hold: {result.case.family}, {result.case.name}: {result.case.statement}")
     return 0 if all(result.holds for result in results) else 1
-
-
-@contextmanager
-def _progress(count: int) -> Iterator[Callable[[str], Any]]:
-    """Show a bar on a terminal; elsewhere nobody is watching."""
-    if not sys.stderr.isatty():
-        yield lambda _: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("stress", total=count)
-        done = iter(range(count + 1))
-        yield lambda name: bar.update(task, description=name, completed=next(done))
