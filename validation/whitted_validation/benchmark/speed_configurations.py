@@ -35,7 +35,8 @@ class Configuration:
     ----------
     family : what it is measured for, see `FAMILIES`
     words : what it draws, or what it leaves out
-    prepare : from the scene's file and its size in pixels to the picture; runs in a process of its own
+    prepare : from the scene's file and its size in pixels to the picture; runs in a process of its own. None for
+        POV-Ray, which is one
     changes : replaces parts of the plugin before that
     variant : of Mitsuba; empty for none
     side : size of its picture where it is too slow for the asked one; times are compared per pixel
@@ -45,7 +46,7 @@ class Configuration:
     name: str
     family: str
     words: str
-    prepare: Callable[[Path, int], Draw]
+    prepare: Callable[[Path, int], Draw] | None
     changes: tuple[Callable[[], None], ...] = ()
     variant: str = "llvm_ad_rgb"
     side: int | None = None
@@ -222,7 +223,7 @@ _RAY_TEST = _replace("accel", "Accel.__init__", _after_init("_round", False))
 _WITHOUT_FEW = (_EMBREE_ALONE, _ALL_CAST)
 _GENERAL = (_THE_LOOP, _HIGHLIGHT, _BACKS, _TEXTURED, _EMISSION, *_WITHOUT_FEW)
 
-PLANNED = "planned"
+PLANNED, POVRAY = "planned", "povray"
 
 CONFIGURATIONS = (
     Configuration(PLANNED, "plugin", "the plugin as it is", _whitted),
@@ -275,6 +276,7 @@ CONFIGURATIONS = (
         "Mitsuba's `direct`, its own diffuse and conductor",
         _native({"type": "direct"}, native_materials=True),
     ),
+    Configuration(POVRAY, "peer", "POV-Ray: the time that it traces", None),
     Configuration("scalar", "peer", "the plugin in scalar_rgb", _whitted, variant="scalar_rgb", side=32),
     Configuration("reference", "peer", "the reference tracer in plain Python", _reference, variant="", side=32),
 )
