@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -12,12 +11,16 @@ from typing import Any
 import numpy as np
 
 from whitted_validation import random_scenes
-from whitted_validation.benchmark import scenes
+from whitted_validation.benchmark import povray, scenes
 from whitted_validation.benchmark.error_curves import Point
 from whitted_validation.benchmark.error_drawing import PEERS, Draw, Drawing, Image, Timed, for_peers, pixels
 from whitted_validation.benchmark.error_epsilon import Wrong, shadows
 from whitted_validation.benchmark.error_schedule import Schedule
+from whitted_validation.benchmark.speed_configurations import Unavailable
+from whitted_validation.benchmark.speed_pairs import Comparison
+from whitted_validation.benchmark.speed_pairs import Timed as Clocked
 from whitted_validation.benchmark.speed_pairs import compare as compare_times
+from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
 FROZEN = "65cb5bd575a25e00724725b67c09aa47980504ab"
@@ -40,7 +43,7 @@ MISSED = 1e-2
 LOOKS = 16
 """Hidden features are looked for by a grid of so many samples a side of the pixel."""
 
-GRID, TARGET = "grid", "target error"
+GRID, TARGET, POVRAY = "grid", "target error", "POV-Ray"
 
 ONE_SAMPLE = 1
 
@@ -60,6 +63,7 @@ class Curves:
     checked : RMSE between the converged picture and a refined one
     rays : of one sample a pixel, of all kinds
     hidden : pixels that show their corners nothing of what is in them
+    note : why POV-Ray is missing
     """
 
     title: str
@@ -70,6 +74,7 @@ class Curves:
     rays: int = 0
     hidden: int = 0
     points: list[Point] = field(default_factory=list)
+    note: str = ""
 
     def of(self, way: str) -> list[Point]:
         """Return one curve."""
@@ -93,6 +98,7 @@ class Results:
 
     Attributes
     ----------
+    povray : its version, or None where it is not installed
     scenes : by letter
     peers : scene a with one light and without mirrors, where `path` and `direct` converge to the same picture
     epsilon : RMSE of one sample a pixel with the textbook's constant, against one without
@@ -103,6 +109,7 @@ class Results:
     seconds : that all took so far
     """
 
+    povray: str | None = None
     scenes: dict[str, Curves] = field(default_factory=dict)
     peers: Curves | None = None
     epsilon: list[Point] = field(default_factory=list)
@@ -131,17 +138,16 @@ def run(schedule: Schedule, folder: Path, results: Results, told: Callable[[str]
 
 
 def _steps(schedule: Schedule, folder: Path, results: Results, told: Callable[[str], None]) -> Iterator[None]:
-    if shutil.which("povray") is None:
-        results.notes.append("POV-Ray: not installed")
-    else:
-        results.notes.append("POV-Ray: installed, but not measured: there is no translation of the scenes yet")
+    results.povray = povray.version()
     file = scenes.write("a", folder, SEED)
     for kind in schedule.kinds:
         file = scenes.write(kind, folder, SEED)
         curves = results.scenes[kind] = Curves(scenes.KINDS[kind].title, SEED, schedule.size)
-        for _ in _curves(kind, file, curves, schedule, told):
+        for _ in _curves(kind, file, curves, schedule, told, povray_too=True):
             _keep(results, kind, curves)
             yield
+        if curves.note:
+            results.notes.append(f"scene {kind}: {curves.note}")
     results.peers = Curves("six balls on a floor, no mirror, one light", SEED, schedule.peers_size)
     yield from _peers(results.peers, schedule, folder, told)
     told("the textbook's epsilon")
@@ -162,14 +168,19 @@ def _steps(schedule: Schedule, folder: Path, results: Results, told: Callable[[s
 
 
 def _curves(
-    name: str, file: Path, curves: Curves, schedule: Schedule, told: Callable[[str], None], looks: int = LOOKS
+    name: str,
+    file: Path,
+    curves: Curves,
+    schedule: Schedule,
+    told: Callable[[str], None],
+    povray_too: bool = False,
 ) -> Iterator[None]:
-    """Measure our own two curves."""
+    """Measure our own two curves, and those of POV-Ray."""
     told(f"{name}: converged picture")
     drawing = Drawing(file, size=str(curves.size))
     truth, curves.unsure = _converged(drawing, schedule)
     curves.checked = compare(pixels(drawing.to(schedule.refined)), truth).rmse
-    hidden = drawing.hidden(looks)
+    hidden = drawing.hidden(LOOKS)
     curves.hidden = int(hidden.sum())
     one = Timed(drawing.grid(ONE_SAMPLE), curves.size)
     curves.rays = drawing.rays_of_grid(ONE_SAMPLE)
@@ -184,6 +195,35 @@ def _curves(
         traced = drawing.rays_to(target) / curves.rays
         curves.points.append(_point(TARGET, target, drawing.to(target), truth, schedule, one, traced, hidden))
         yield
+    if povray_too:
+        yield from _povray(name, file, curves, truth, hidden, one, schedule, told)
+
+
+def _povray(
+    name: str,
+    file: Path,
+    curves: Curves,
+    truth: Image,
+    hidden: Any,
+    one: Timed,
+    schedule: Schedule,
+    told: Callable[[str], None],
+) -> Iterator[None]:
+    """Measure POV-Ray's curves; keep as a note why there are none."""
+    ways = [(f"{POVRAY}, one sample", 1.0, povray.ONE_SAMPLE)]
+    ways += [(f"{POVRAY} method {m}, depth {d}", x, povray.antialiased(m, x, d)) for m, x, d in schedule.povray]
+    try:
+        told(f"{name}: {POVRAY}")
+        scene = povray.PovRay(file, curves.size, file.parent, float(truth.max()))
+        for way, knob, options in ways:
+            told(f"{name}: {way}, {knob:g}")
+            mode = povray.Mode(scene, options)
+            traced = (mode.drawn.rays + mode.drawn.shadow_rays) / curves.rays
+            cost = _cost(one, mode, schedule)
+            curves.points.append(_compared(way, knob, mode.drawn.pixels, truth, cost, traced, hidden))
+            yield
+    except (Failed, Unavailable) as error:
+        curves.note = str(error)
 
 
 def _converged(drawing: Drawing, schedule: Schedule) -> tuple[Image, float]:
@@ -203,13 +243,22 @@ def _point(
     hidden: Any = None,
 ) -> Point:
     """Draw one picture, compare it with the converged one, and take its time beside one sample a pixel."""
-    found = compare(pixels(draw), truth)
-    cost = None
-    if one is not None:
-        timed = Timed(draw, len(truth))
-        a_pair = 2 * max(timed.facts.one.wall, TICK)
-        pairs = max(1, min(schedule.pairs, int(schedule.patience / a_pair)))
-        cost = compare_times(one, timed, pairs, TICK)
+    drawn = pixels(draw)
+    cost = None if one is None else _cost(one, Timed(draw, len(truth)), schedule)
+    return _compared(way, knob, drawn, truth, cost, traced, hidden)
+
+
+def _cost(one: Timed, other: Clocked, schedule: Schedule) -> Comparison:
+    """Take the time of a way to draw beside one sample a pixel."""
+    a_pair = 2 * max(other.facts.one.wall, TICK)
+    pairs = max(1, min(schedule.pairs, int(schedule.patience / a_pair)))
+    return compare_times(one, other, pairs, TICK)
+
+
+def _compared(
+    way: str, knob: float, drawn: Any, truth: Image, cost: Comparison | None, traced: float | None, hidden: Any
+) -> Point:
+    found = compare(drawn, truth)
     missed = None if hidden is None else int(np.count_nonzero(hidden & (found.error > MISSED)))
     p999 = dict(found.percentiles)[99.9]
     return Point(way, knob, found.rmse, p999, found.largest, found.flip.mean, traced, cost, missed)

@@ -32,7 +32,9 @@ STEP = 1 / 65535
 CLOCK = 1e-3
 """Seconds: so finely POV-Ray prints its times."""
 
-ONE_SAMPLE = ("-A",)
+Options = tuple[str, ...]
+
+ONE_SAMPLE: Options = ("-A",)
 
 
 class Drawn(NamedTuple):
@@ -95,7 +97,7 @@ class PovRay:
         self._exposure = exposure
         (self._folder / "scene.pov").write_text(source(self._scene, exposure), encoding="ascii")
 
-    def draw(self, options: tuple[str, ...] = ONE_SAMPLE) -> Drawn:
+    def draw(self, options: Options = ONE_SAMPLE) -> Drawn:
         """Draw a picture, darker until nothing in it reaches the file's end."""
         film = self._scene.sensors[0].film
         size = [f"+W{film.width}", f"+H{film.height}"]
@@ -120,7 +122,7 @@ class Mode:
     drawn : the first picture
     """
 
-    def __init__(self, scene: PovRay, options: tuple[str, ...] = ONE_SAMPLE) -> None:
+    def __init__(self, scene: PovRay, options: Options = ONE_SAMPLE) -> None:
         self._scene, self._options = scene, options
         self.drawn = scene.draw(options)
         nothing, one = math.nan, Sample(*(max(seconds, CLOCK) for seconds in self.drawn.trace))
@@ -132,7 +134,7 @@ class Mode:
         return Sample(*(sum(times) / pictures for times in zip(*taken, strict=True)))
 
 
-def antialiased(method: int, threshold: float, depth: int) -> tuple[str, ...]:
+def antialiased(method: int, threshold: float, depth: int) -> Options:
     """Return the options of antialiasing: method 1 or 2, up to depth x depth samples a pixel or (2^depth + 1)^2."""
     return f"+A{threshold:.6f}", f"+AM{method}", f"+R{depth}"
 
