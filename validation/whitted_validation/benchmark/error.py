@@ -6,20 +6,18 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from whitted_validation import random_scenes
 from whitted_validation.benchmark import povray, scenes
 from whitted_validation.benchmark.error_curves import Point
-from whitted_validation.benchmark.error_drawing import PEERS, Draw, Drawing, Image, Timed, for_peers, pixels
+from whitted_validation.benchmark.error_drawing import PEERS, Drawing, Image, Timed, for_peers, pixels
 from whitted_validation.benchmark.error_epsilon import Wrong, shadows
+from whitted_validation.benchmark.error_picture import picture_point
+from whitted_validation.benchmark.error_povray import by_povray
 from whitted_validation.benchmark.error_schedule import Schedule
 from whitted_validation.benchmark.speed_configurations import Unavailable
-from whitted_validation.benchmark.speed_pairs import Comparison
-from whitted_validation.benchmark.speed_pairs import Timed as Clocked
-from whitted_validation.benchmark.speed_pairs import compare as compare_times
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
@@ -37,19 +35,12 @@ FIRST_RANDOM = int(FROZEN[8:16], 16)
 PROMISED = (1e-2, 3e-3, 1e-3, 3e-4)
 """Target errors of which the promise is judged."""
 
-MISSED = 1e-2
-"""A pixel with a hidden feature is missed if a channel is off by more."""
-
 LOOKS = 16
 """Hidden features are looked for by a grid of so many samples a side of the pixel."""
 
-GRID, TARGET, POVRAY = "grid", "target error", "POV-Ray"
+GRID, TARGET = "grid", "target error"
 
 ONE_SAMPLE = 1
-
-
-TICK = 0.1
-"""A tick of the CPU's clock is at most this share of a sample."""
 
 
 @dataclass
@@ -98,7 +89,6 @@ class Results:
 
     Attributes
     ----------
-    povray : its version, or None where it is not installed
     scenes : by letter
     peers : scene a with one light and without mirrors, where `path` and `direct` converge to the same picture
     epsilon : RMSE of one sample a pixel with the textbook's constant, against one without
@@ -106,10 +96,10 @@ class Results:
     exact : RMSE of one sample a pixel in float32, against double precision, and its largest error; pixels off by more
         than 1e-3; pixels in all
     kept : target errors on all scenes
+    povray : POV-Ray's version, or None where it is not installed
     seconds : that all took so far
     """
 
-    povray: str | None = None
     scenes: dict[str, Curves] = field(default_factory=dict)
     peers: Curves | None = None
     epsilon: list[Point] = field(default_factory=list)
@@ -117,6 +107,7 @@ class Results:
     exact: tuple[float, float, int, int] | None = None
     kept: list[Kept] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    povray: str | None = None
     seconds: float = 0.0
     complete: bool = False
 
@@ -188,39 +179,18 @@ def _curves(
     for n in schedule.grids:
         told(f"{name}: grid {n} x {n}")
         traced = drawing.rays_of_grid(n) / curves.rays
-        curves.points.append(_point(GRID, n, drawing.grid(n), truth, schedule, one, traced, hidden))
+        curves.points.append(picture_point(GRID, n, drawing.grid(n), truth, schedule, one, traced, hidden))
         yield
     for target in schedule.targets:
         told(f"{name}: target error {target:g}")
         traced = drawing.rays_to(target) / curves.rays
-        curves.points.append(_point(TARGET, target, drawing.to(target), truth, schedule, one, traced, hidden))
+        curves.points.append(picture_point(TARGET, target, drawing.to(target), truth, schedule, one, traced, hidden))
         yield
-    if povray_too:
-        yield from _povray(name, file, curves, truth, hidden, one, schedule, told)
-
-
-def _povray(
-    name: str,
-    file: Path,
-    curves: Curves,
-    truth: Image,
-    hidden: Any,
-    one: Timed,
-    schedule: Schedule,
-    told: Callable[[str], None],
-) -> Iterator[None]:
-    """Measure POV-Ray's curves; keep as a note why there are none."""
-    ways = [(f"{POVRAY}, one sample", 1.0, povray.ONE_SAMPLE)]
-    ways += [(f"{POVRAY} method {m}, depth {d}", x, povray.antialiased(m, x, d)) for m, x, d in schedule.povray]
+    if not povray_too:
+        return
     try:
-        told(f"{name}: {POVRAY}")
-        scene = povray.PovRay(file, curves.size, file.parent, float(truth.max()))
-        for way, knob, options in ways:
-            told(f"{name}: {way}, {knob:g}")
-            mode = povray.Mode(scene, options)
-            traced = (mode.drawn.rays + mode.drawn.shadow_rays) / curves.rays
-            cost = _cost(one, mode, schedule)
-            curves.points.append(_compared(way, knob, mode.drawn.pixels, truth, cost, traced, hidden))
+        for point in by_povray(name, file, one, curves.rays, truth, hidden, schedule, told):
+            curves.points.append(point)
             yield
     except (Failed, Unavailable) as error:
         curves.note = str(error)
@@ -230,38 +200,6 @@ def _converged(drawing: Drawing, schedule: Schedule) -> tuple[Image, float]:
     """Draw the converged picture; return how unsure it is as well, see `Curves`."""
     truth = pixels(drawing.grid(schedule.converged))
     return truth, compare(pixels(drawing.grid(schedule.converged // 2)), truth).rmse
-
-
-def _point(
-    way: str,
-    knob: float,
-    draw: Draw,
-    truth: Image,
-    schedule: Schedule,
-    one: Timed | None = None,
-    traced: float | None = None,
-    hidden: Any = None,
-) -> Point:
-    """Draw one picture, compare it with the converged one, and take its time beside one sample a pixel."""
-    drawn = pixels(draw)
-    cost = None if one is None else _cost(one, Timed(draw, len(truth)), schedule)
-    return _compared(way, knob, drawn, truth, cost, traced, hidden)
-
-
-def _cost(one: Timed, other: Clocked, schedule: Schedule) -> Comparison:
-    """Take the time of a way to draw beside one sample a pixel."""
-    a_pair = 2 * max(other.facts.one.wall, TICK)
-    pairs = max(1, min(schedule.pairs, int(schedule.patience / a_pair)))
-    return compare_times(one, other, pairs, TICK)
-
-
-def _compared(
-    way: str, knob: float, drawn: Any, truth: Image, cost: Comparison | None, traced: float | None, hidden: Any
-) -> Point:
-    found = compare(drawn, truth)
-    missed = None if hidden is None else int(np.count_nonzero(hidden & (found.error > MISSED)))
-    p999 = dict(found.percentiles)[99.9]
-    return Point(way, knob, found.rmse, p999, found.largest, found.flip.mean, traced, cost, missed)
 
 
 def _keep(results: Results, kind: str, curves: Curves) -> None:
@@ -285,7 +223,7 @@ def _peers(curves: Curves, schedule: Schedule, folder: Path, told: Callable[[str
             for spp in schedule.spp:
                 told(f"one light: {name}, {sampler}, {spp} samples")
                 draw = drawing.peer(name, spp)
-                curves.points.append(_point(f"{name}, {sampler}", spp, draw, truth, schedule, one))
+                curves.points.append(picture_point(f"{name}, {sampler}", spp, draw, truth, schedule, one))
                 yield
 
 
@@ -294,7 +232,7 @@ def _epsilons(file: Path, results: Results, schedule: Schedule) -> None:
     drawing = Drawing(file, size=str(schedule.size))
     truth = pixels(drawing.with_epsilon(None))
     for epsilon in schedule.epsilons:
-        results.epsilon.append(_point("epsilon", epsilon, drawing.with_epsilon(epsilon), truth, schedule))
+        results.epsilon.append(picture_point("epsilon", epsilon, drawing.with_epsilon(epsilon), truth, schedule))
 
 
 def _random(seed: int, folder: Path, results: Results, schedule: Schedule) -> None:

@@ -30,10 +30,11 @@ from pathlib import Path
 from typing import Any
 
 from whitted_validation import report
-from whitted_validation.benchmark.error import FROZEN, GRID, POVRAY, TARGET, Curves, Results
+from whitted_validation.benchmark.error import FROZEN, GRID, TARGET, Curves, Results
 from whitted_validation.benchmark.error_curves import Of, Point, cheapest, cpu, rays, slope, wall
 from whitted_validation.benchmark.error_drawing import PEERS
 from whitted_validation.benchmark.error_epsilon import Wrong
+from whitted_validation.benchmark.error_povray import METHODS
 from whitted_validation.benchmark.error_schedule import Schedule
 from whitted_validation.benchmark.error_targets import NAMES, can_judge, extra, outcomes, trusted
 from whitted_validation.benchmark.speed_page import plain, targets_table
@@ -80,8 +81,7 @@ def _ways(curves: Curves) -> list[str]:
 
 def _others(curves: Curves) -> list[list[str]]:
     """Tell what is drawn beside our own two curves: nothing, and then each peer, POV-Ray in two methods."""
-    peers = (*PEERS, *(f"{POVRAY} method {method}" for method in (1, 2)))
-    by_peer = [[way for way in _ways(curves) if way.startswith(f"{peer},")] for peer in peers]
+    by_peer = [[way for way in _ways(curves) if way.startswith(f"{peer},")] for peer in (*PEERS, *METHODS)]
     return [[], *(ways for ways in by_peer if ways)]
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from whitted_validation.benchmark.error import GRID, POVRAY, TARGET, Curves, Kept, Results
+from whitted_validation.benchmark.error import GRID, TARGET, Curves, Kept, Results
 from whitted_validation.benchmark.error_curves import Of, Point, at_error, cheapest, cpu, largest, rays, slope, wall
+from whitted_validation.benchmark.error_povray import POVRAY
 from whitted_validation.benchmark.error_schedule import FULL
 from whitted_validation.benchmark.speed_targets import Outcome
 
