@@ -33,13 +33,16 @@ def picture_point(
 ) -> Point:
     """Draw one picture, compare it with the converged one, and take its time beside one sample a pixel."""
     drawn = pixels(draw)
-    costs = None if one is None else cost(one, Timed(draw, len(truth)), schedule)
+    costs = None
+    if one is not None:
+        timed = Timed(draw, len(truth))
+        costs = cost(one, timed, timed.facts.one.wall, schedule)
     return compared(way, knob, drawn, truth, costs, traced, hidden)
 
 
-def cost(one: Timed, other: Clocked, schedule: Schedule) -> Comparison:
-    """Take the time of a way to draw beside one sample a pixel."""
-    a_pair = 2 * max(other.facts.one.wall, TICK)
+def cost(one: Timed, other: Clocked, seconds: float, schedule: Schedule) -> Comparison:
+    """Take the time of a way to draw, for whose picture one waits so many seconds, beside one sample a pixel."""
+    a_pair = 2 * max(seconds, TICK)
     pairs = max(1, min(schedule.pairs, int(schedule.patience / a_pair)))
     return compare(one, other, pairs, TICK)
 

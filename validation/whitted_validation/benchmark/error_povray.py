@@ -49,5 +49,6 @@ def by_povray(
     for way, knob, options in ways:
         told(f"{name}: {way}, {knob:g}")
         mode = povray.Mode(scene, options)
-        traced = (mode.drawn.rays + mode.drawn.shadow_rays) / rays
-        yield compared(way, knob, mode.drawn.pixels, truth, cost(one, mode, schedule), traced, hidden)
+        drawn = mode.drawn
+        costs = cost(one, mode, drawn.whole, schedule)
+        yield compared(way, knob, drawn.pixels, truth, costs, (drawn.rays + drawn.shadow_rays) / rays, hidden)

@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import tempfile
+import time
 from pathlib import Path
 from typing import NamedTuple
 
@@ -46,6 +47,7 @@ class Drawn(NamedTuple):
     exposure : that it was drawn with; a value is off by up to half a `STEP` of the file over this
     trace : seconds of the phase that traces, without start, parsing and writing
     parse : seconds of the phase that reads the scene
+    whole : seconds until the program has ended
     rays : from the camera and from mirrors
     shadow_rays : towards lights
     """
@@ -54,6 +56,7 @@ class Drawn(NamedTuple):
     exposure: float
     trace: Sample
     parse: float
+    whole: float
     rays: int
     shadow_rays: int
 
@@ -104,14 +107,16 @@ class PovRay:
         # Linear files of 16 bits; no window; no jitter; all processors; the default way to search, which is exact.
         fixed = ["+Iscene.pov", "+Opicture.ppm", "+FP16", "File_Gamma=1", "-D", "-V", "-J", "+BM1", "+Q9"]
         while True:
+            began = time.perf_counter()
             said = _run([*fixed, *size, f"+WT{os.cpu_count()}", *options], self._folder)
+            whole = time.perf_counter() - began
             pixels = _read_ppm(self._folder / "picture.ppm")
             if pixels.max(initial=0.0) < 1:
                 break
             self._exposed(self._exposure / 2)
         trace, parse = _seconds("Trace", said), _seconds("Parse", said)
         rays, shadow_rays = (_count(name, said) for name in ("Rays", "Shadow Ray Tests"))
-        return Drawn(pixels / self._exposure, self._exposure, trace, parse.wall, rays, shadow_rays)
+        return Drawn(pixels / self._exposure, self._exposure, trace, parse.wall, whole, rays, shadow_rays)
 
 
 class Mode:
