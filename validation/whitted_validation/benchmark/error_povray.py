@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+import whitted_reference
 from whitted_validation.benchmark import povray
 from whitted_validation.benchmark.error_curves import Point
 from whitted_validation.benchmark.error_drawing import Image, Timed
@@ -45,7 +46,8 @@ def by_povray(
     """
     ways = [(f"{POVRAY}, one sample", 1.0, povray.ONE_SAMPLE)]
     ways += [(f"{METHODS[m - 1]}, depth {d}", x, povray.antialiased(m, x, d)) for m, x, d in schedule.povray]
-    scene = povray.PovRay(file, len(truth), file.parent, float(truth.max()))
+    description = whitted_reference.load(file, {"size": str(len(truth))})
+    scene = povray.PovRay(description, file.parent, float(truth.max()))
     for way, knob, options in ways:
         told(f"{name}: {way}, {knob:g}")
         mode = povray.Mode(scene, options)

@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import whitted_reference
-from whitted_reference.errors import SceneError
+from whitted_reference import Scene
 from whitted_validation.benchmark.povray_scene import source
 from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Facts, Failed, Sample
@@ -75,7 +74,7 @@ class PovRay:
 
     Parameters
     ----------
-    file, size : one of `scenes`, and the side of the picture in pixels
+    description : what `whitted_reference.load` returns
     folder : an empty one is made in it
     brightest : value of the picture, so far as known: POV-Ray's files end at 1
 
@@ -85,16 +84,16 @@ class PovRay:
         If POV-Ray is not installed, or cannot draw this scene; a `Failed` if it does not, while it should.
     """
 
-    def __init__(self, file: Path, size: int, folder: Path, brightest: float = 1.0) -> None:
+    def __init__(self, description: Scene, folder: Path, brightest: float = 1.0) -> None:
         if shutil.which(PROGRAM) is None:
             raise Unavailable("POV-Ray is not installed")
-        self.size = size
-        self._folder = Path(tempfile.mkdtemp(prefix="povray_", dir=folder))
+        self._scene, self._folder = description, Path(tempfile.mkdtemp(prefix="povray_", dir=folder))
         try:
-            self._scene = whitted_reference.load(file, {"size": str(size)})
             self._exposed(2.0 ** -max(0, math.ceil(math.log2(brightest))) if brightest > 0 else 1.0)
-        except (Refusal, SceneError) as error:
+        except Refusal as error:
             raise Unavailable(str(error)) from None
+        film = description.sensors[0].film
+        self.width, self.height = film.width, film.height
 
     def _exposed(self, exposure: float) -> None:
         self._exposure = exposure
@@ -102,8 +101,7 @@ class PovRay:
 
     def draw(self, options: Options = ONE_SAMPLE) -> Drawn:
         """Draw a picture, darker until nothing in it reaches the file's end."""
-        film = self._scene.sensors[0].film
-        size = [f"+W{film.width}", f"+H{film.height}"]
+        size = [f"+W{self.width}", f"+H{self.height}"]
         # Linear files of 16 bits; no window; no jitter; all processors; the default way to search, which is exact.
         fixed = ["+Iscene.pov", "+Opicture.ppm", "+FP16", "File_Gamma=1", "-D", "-V", "-J", "+BM1", "+Q9"]
         while True:
@@ -131,7 +129,7 @@ class Mode:
         self._scene, self._options = scene, options
         self.drawn = scene.draw(options)
         nothing, one = math.nan, Sample(*(max(seconds, CLOCK) for seconds in self.drawn.trace))
-        self.facts = Facts(scene.size, (), 0, nothing, nothing, nothing, one, CLOCK)
+        self.facts = Facts(scene.width, (), 0, nothing, nothing, nothing, one, CLOCK)
 
     def sample(self, pictures: int) -> Sample:
         """Draw so many and take the time of one."""
@@ -182,9 +180,11 @@ def _count(name: str, said: str) -> int:
 
 def _read_ppm(file: Path) -> NDArray[np.float64]:
     """Read a PPM of 16 bits; its header may hold comments."""
-    content = file.read_bytes()
+    content = file.read_bytes() if file.exists() else b""
     head = re.match(rb"P6\s+(?:#[^\n]*\s+)*(\d+)\s+(\d+)\s+65535\s", content)
     if head is None:
-        raise Failed("POV-Ray's picture is no PPM of 16 bits")
+        raise Failed("POV-Ray has written no PPM of 16 bits")
     width, height = int(head[1]), int(head[2])
-    return np.frombuffer(content, ">u2", width * height * 3, head.end()).reshape(height, width, 3) * STEP
+    if len(content) != head.end() + 6 * width * height:
+        raise Failed("POV-Ray's picture is cut off")
+    return np.frombuffer(content, ">u2", offset=head.end()).reshape(height, width, 3) * STEP

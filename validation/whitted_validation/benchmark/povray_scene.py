@@ -35,6 +35,9 @@ NEAR_LAMP = 1e-6
 DEEPEST = 256
 """POV-Ray's own limit of `max_trace_level`."""
 
+LARGEST = (2 - 2.0**-23) * 2.0**127
+"""POV-Ray's colours are in single precision."""
+
 _HEAD = "#version 3.7;\n#default {finish {ambient 0 diffuse 0}}\n"
 _BLACK = "texture {pigment {rgb 0}}"
 
@@ -85,7 +88,10 @@ class _Export:
         return _vector(self._scale * x for x in p)
 
     def _light(self, colour: Iterable[float], factor: float = 1.0) -> str:
-        return "rgb " + _vector(self._exposure * factor * x for x in colour)
+        values = [self._exposure * factor * x for x in colour]
+        if max(values) > LARGEST:
+            raise self._refuse(f"light of {max(values):.3g}; allowed: up to {LARGEST:.3g}")
+        return "rgb " + _vector(values)
 
     # ------------------------------------------------------------------------------------------ settings
     def _settings(self) -> Iterator[str]:
@@ -136,13 +142,13 @@ class _Export:
             farthest = [max(abs(x - a), abs(x - b)) for x, a, b in zip(eye, low, high, strict=True)]
             if math.hypot(*nearest) < sensor.near * corner or math.hypot(*farthest) > sensor.far:
                 name = "" if isinstance(shape, scene.Instance) else shape.look.id
-                raise self._refuse(f"what near_clip {sensor.near:g} and far_clip {sensor.far:g} may cut off `{name}`")
+                raise self._refuse(f"what near_clip {sensor.near:g} or far_clip {sensor.far:g} may cut off of `{name}`")
 
     # -------------------------------------------------------------------------------------------- lights
     def _lights(self) -> Iterator[str]:
         for light in self._scene.lights:
             if isinstance(light, scene.DirectionalLight):
-                far = FAR * self._across / math.hypot(*light.direction)
+                far = FAR * (self._across or 1.0) / math.hypot(*light.direction)
                 start = sub((self._middle[0], self._middle[1], self._middle[2]), scaled(light.direction, far))
                 to = f"parallel point_at {self._point(self._middle)}"
                 yield f"light_source {{{self._point(start)} {self._light(light.irradiance)} {to}}}\n"

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+import whitted_reference
 from whitted_validation import random_scenes
 from whitted_validation.benchmark import povray, scenes
 from whitted_validation.benchmark.speed_configurations import BY_NAME, CONFIGURATIONS, PLANNED, POVRAY, Unavailable
@@ -240,8 +241,8 @@ def _row(name: str, planned: Worker, picture: np.ndarray, file: Path, schedule: 
 def _povray(measured: Measured, planned: Worker, picture: np.ndarray, file: Path, schedule: Schedule) -> None:
     """Measure POV-Ray against the planned configuration, which waits."""
     try:
-        scene = povray.PovRay(file, planned.facts.side, file.parent, float(picture.max()))
-        mode = povray.Mode(scene)
+        description = whitted_reference.load(file, {"size": str(planned.facts.side)})
+        mode = povray.Mode(povray.PovRay(description, file.parent, float(picture.max())))
         drawn = mode.drawn
         measured.povray = ByPovRay(povray.version(), drawn.rays, drawn.shadow_rays, drawn.parse)
         compared = compare(planned, mode, schedule.pairs, schedule.tick)
