@@ -108,7 +108,7 @@ def lines(results: Results) -> Iterator[str]:
             traced = "" if p.rays is None else short(p.rays)
             hidden = "" if p.missed is None else f"  missed {p.missed}"
             yield (
-                f"  {p.way:<20} {p.knob:<7g} RMSE {p.rmse:<9.2e} worst {p.largest:<9.2e} rays {traced:<9} "
+                f"  {p.way:<26} {p.knob:<7g} RMSE {p.rmse:<9.2e} worst {p.largest:<9.2e} rays {traced:<9} "
                 f"CPU {short(cpu(p)):<8} wall {short(wall(p))}{hidden}"
             )
     for p in results.epsilon:

@@ -71,7 +71,7 @@ def outcomes(results: Results) -> Iterator[Outcome]:
     yield from _clutter(found.get("b"))
     for kind, least in LEAST_POVRAY:
         yield _povray(
-            found.get(kind), f"{NAMES[kind]}: POV-Ray's best mode traces at least {least:g} times as long", least
+            found.get(kind), f"{NAMES[kind]}: POV-Ray's best mode takes at least {least:g} times the wall time", least
         )
     yield from _promise(results.kept)
     yield _worst(found)
@@ -108,7 +108,7 @@ def _povray(curves: Curves | None, target: str, least: float) -> Outcome:
     points = [] if curves is None else [p for p in curves.points if p.way.startswith(POVRAY)]
     ratios = [] if curves is None else gains(curves, wall, cheapest(points, wall))
     text = ", ".join(f"{gain:.3g} at {rmse:.2g}" for rmse, gain in ratios)
-    return Outcome(f"{target}, wall time at equal RMSE", text, all(g >= least for _, g in ratios) if ratios else None)
+    return Outcome(f"{target} at equal RMSE", text, all(g >= least for _, g in ratios) if ratios else None)
 
 
 def _clutter(curves: Curves | None) -> Iterator[Outcome]:

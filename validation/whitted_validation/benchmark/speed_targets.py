@@ -59,7 +59,7 @@ def outcomes(results: Results) -> Iterator[Outcome]:
         measured = results.scenes.get(kind)
         row = measured.row(POVRAY) if measured else None
         gain = row.comparison.wall if row and row.comparison else None
-        yield _at_least(f"scene {kind}: POV-Ray traces at least {least:g} times as long, wall time", gain, least)
+        yield _at_least(f"scene {kind}: POV-Ray traces for at least {least:g} times the wall time", gain, least)
     yield _never_slower(results)
     yield _memory(results)
     yield _large(results)
