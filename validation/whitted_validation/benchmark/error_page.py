@@ -192,7 +192,7 @@ def _scene(name: str, curves: Curves, schedule: Schedule) -> Group:
                 fitted = "" if math.isnan(slopes[way][axis]) else f", slope {slopes[way][axis]:.2f}"
                 if points:
                     series[f"{way}{fitted}"] = points
-            if axis == "CPU time" or not others:
+            if len(series) == 2 + len(others):  # nobody counts the rays of `path` and `direct`
                 parts.append(Chart("Error against cost", f"{axis}, one sample a pixel = 1", "RMSE", series))
     rows = [_row(point, id(point) in front) for point in curves.points]
     errors, costs = ("RMSE", "99.9 %", "worst", "FLIP"), ("rays", "CPU time", "wall time")
