@@ -25,13 +25,16 @@ against the plane that it left errs by as much again.
 LEAST = 2.0**-126
 """The least float32 that is never rounded to 0."""
 
-LEAST_COSINE = 16 * UNIT_ROUNDOFF
-"""Least cosine between a ray and the normal of a round surface where Embree says that they meet.
+LEAST_CHORD = 16 * 2.0**-53
+"""Least half chord of a ray in a round surface that a search says it meets, in units of radius and distance.
 
-Past the outline by less than rounding, the exact surface is missed: the normal would be square to the ray, its
-front a matter of luck, and the pixel black between two that are lit. A unit normal (3 roundings), the ray's
-direction (3) and their product (3) cannot hide 16 u; the point moves by no more than 16 u of the radius.
+Past the outline by less than the search rounds, the exact surface is missed: the normal would be square to the ray,
+its front a matter of luck, and the pixel black between two that are lit. In double, the foot of the perpendicular
+(difference 1, product 4, sum 1) and its product with the direction (4) cannot hide 16 roundings.
 """
+
+SEARCHED = 16 * UNIT_ROUNDOFF
+"""How far off the distance is that a search tells, in units of radius and distance: a few roundings."""
 
 
 def sphere_normal(o: Any, d: Any, c: Any, r: Any, t: Any) -> Any:
@@ -43,16 +46,13 @@ def sphere_normal(o: Any, d: Any, c: Any, r: Any, t: Any) -> Any:
     oc = o - c
     b = -dr.dot(oc, d)
     foot = dr.fma(b, d, oc)
-    half_chord = dr.sqrt(dr.maximum(r * r - dr.squared_norm(foot), LEAST_COSINE**2 * r * r))
+    half_chord = dr.maximum(dr.safe_sqrt(r * r - dr.squared_norm(foot)), LEAST_CHORD * (r + dr.abs(b)))
     return dr.fma(dr.select(_is_near(t, b, r), -half_chord, half_chord), d, foot)
 
 
 def _is_near(t: Any, b: Any, r: Any) -> Any:
-    """Whether `t` is the nearer of the two hits about the foot at `b`; the nearer too where they are as good as one.
-
-    The search carries a few u of `t`, and near the outline the two hits are closer than that.
-    """
-    return t < b + LEAST_COSINE * (r + dr.abs(b))
+    """Whether `t` is the nearer of the two hits about the foot at `b`; the nearer too where they are as good as one."""
+    return t < b + SEARCHED * (r + dr.abs(b))
 
 
 def cylinder_point(o: Any, d: Any, a: Any, axis: Any, r: Any, t: Any) -> tuple[Any, Any]:
@@ -66,7 +66,7 @@ def cylinder_point(o: Any, d: Any, a: Any, axis: Any, r: Any, t: Any) -> tuple[A
     inv_d2 = dr.rcp(dr.squared_norm(d_across))
     b = -dr.dot(o_across, d_across) * inv_d2
     foot = dr.fma(b, d_across, o_across)
-    half_chord = dr.sqrt(dr.maximum(r * r - dr.squared_norm(foot), LEAST_COSINE**2 * r * r) * inv_d2)
+    half_chord = dr.maximum(dr.safe_sqrt((r * r - dr.squared_norm(foot)) * inv_d2), LEAST_CHORD * (r + dr.abs(b)))
     step = dr.select(_is_near(t, b, r), -half_chord, half_chord)
     return dr.fma(b + step, d, o), dr.fma(step, d_across, foot)
 
