@@ -85,7 +85,7 @@ class Lights:
             return Sample(vector(0), colour, mi.Float(dr.inf), mi.Bool(True), mi.Float(dr.inf), name)
 
         position = vector(0)
-        to_light = position - mi.Vector3f(p)
+        to_light = mi.Vector3f(mi.Point3d(position) - p)
         distance = dr.norm(to_light)
         away = distance > 0
         l = dr.select(away, to_light * dr.rcp(distance), 0)  # noqa: E741

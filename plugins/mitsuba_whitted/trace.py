@@ -118,7 +118,7 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
     colour = mi.Spectrum(0)
     if not plan.shapes:
         if plan.background:
-            colour = dr.select(sees_lamps, stage.background(ray.d, sees_lamps), 0)
+            colour = dr.select(sees_lamps, stage.background(mi.Vector3f(ray.d), sees_lamps), 0)
         note("sum", colour=colour)
         return chain._replace(colour=colour)
 
@@ -126,7 +126,7 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
     found = chain.active & met.valid
     if plan.background:
         missed = sees_lamps & (found ^ True)
-        colour = dr.select(missed, stage.background(ray.d, missed), colour)
+        colour = dr.select(missed, stage.background(mi.Vector3f(ray.d), missed), colour)
 
     hit = stage.surfaces.hit(met, ray, plan.textured)
     v = -ray.d
@@ -136,6 +136,9 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
     if plan.two_sided:
         behind = found & (dr.dot(n, v) < 0) & (dr.dot(n_g, v) < 0)
         n, n_g = dr.select(behind, -n, n), dr.select(behind, -n_g, n_g)
+    # What is seen, and where mirrors send it, is told in double; light and colour are single.
+    exact_n, exact_n_g = n, n_g
+    n, n_g, v = precise.unit(n), precise.unit(n_g), mi.Vector3f(v)
     si = _surface_interaction(hit) if plan.textured else None
     if plan.emission:
         shines = sees_lamps & in_front
@@ -202,8 +205,8 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
 
     k_m = coefficient(stage.materials.k_m)
     throughput = chain.throughput * k_m
-    r = mi.Vector3f(precise.mirrored(ray.d, n))
-    goes_on = lit & dr.any(throughput != 0) & (dr.dot(n_g, r) > 0)
+    r = mi.Vector3d(precise.mirrored(ray.d, exact_n))
+    goes_on = lit & dr.any(throughput != 0) & (dr.dot(exact_n_g, r) > 0)
     # Only with max_depth = -1 the two limits can end a chain: see Stage.
     passes = (depth <= stage.last_ray) & dr.any(throughput >= stage.least_throughput)
     cut = goes_on & (passes ^ True)
@@ -236,21 +239,22 @@ def _dark() -> tuple[Any, Any]:
 
 def _shadow_ray(stage: Stage, plan: Plan, hit: Hit, n_g: Any, light: Sample) -> Ray:
     """Make the open segment from the hit point to the light."""
-    return _leaving(stage, plan, hit, n_g, light.l, light.distance if plan.epsilon else light.end)
+    return _leaving(stage, plan, hit, n_g, mi.Vector3d(light.l), light.distance if plan.epsilon else light.end)
 
 
 def _leaving(stage: Stage, plan: Plan, hit: Hit, n_g: Any, d: Any, end: Any) -> Ray:
     """Make the ray from the hit point along `d`, which cannot meet that surface again where it begins."""
     if plan.epsilon:
-        return Ray(hit.p, d, mi.Float(stage.epsilon), end, mi.Vector3f(stage.epsilon * d), mi.UInt32(NOTHING))
+        shift = mi.Vector3f(stage.epsilon * mi.Vector3f(d))
+        return Ray(hit.p, d, mi.Float(stage.epsilon), end, shift, mi.UInt32(NOTHING))
     if not plan.searched:
         return Ray(hit.p, d, mi.Float(0), end, mi.Vector3f(0), hit.shape)
-    shift, length = precise.ray_offset(n_g, d, hit.reach, stage.surfaces.least_reach)
+    shift, length = precise.ray_offset(n_g, mi.Vector3f(d), hit.reach, stage.surfaces.least_reach)
     return Ray(hit.p, d, mi.Float(0), end - length, mi.Vector3f(shift), hit.shape)
 
 
 def _surface_interaction(hit: Hit) -> mi.SurfaceInteraction3f:
     """As much of Mitsuba's record as a texture reads."""
     si = dr.zeros(mi.SurfaceInteraction3f)
-    si.p, si.n, si.uv = hit.p, mi.Normal3f(hit.n_g), hit.uv
+    si.p, si.n, si.uv = mi.Point3f(hit.p), mi.Normal3f(hit.n_g), hit.uv
     return si

@@ -184,6 +184,13 @@ def _not_robust() -> None:
     setattr(mi, "load_dict", load_fast)  # noqa: B010  # its type is not that of a function in Python
 
 
+def _single() -> None:
+    """Put single precision where the plugin asks for double."""
+    for name in ("Vector3", "Vector4", "Point3", "Normal3"):
+        setattr(mi, f"{name}d", getattr(mi, f"{name}f"))
+    mi.Float64 = mi.Float
+
+
 def _always(_old: Any) -> Any:
     """Ask for every light, whichever side of the horizon it is on."""
     return lambda self, ray, _active, *rest: _old(self, ray, mi.Bool(True), *rest)
@@ -214,10 +221,6 @@ _ALL_CAST = _replace("stage", "casters", lambda _: lambda _graph, _rows, few, *_
 _PLAIN_POWER = _replace(
     "precise", "specular_power", lambda _: lambda n, h, p: dr.power(dr.maximum(dr.dot(n, h), 1e-20), p)
 )
-_PLAIN_SPHERE = _replace("precise", "sphere_normal", lambda _: lambda o, d, c, r, t: dr.normalize(dr.fma(t, d, o) - c))
-_PLAIN_PLANE = _replace(
-    "precise", "plane_point", lambda _: lambda o, d, a, n: dr.fma(dr.dot(a - o, n) * dr.rcp(dr.dot(d, n)), d, o)
-)
 _RAY_TEST = _replace("accel", "Accel.__init__", _after_init("_round", False))
 
 _WITHOUT_FEW = (_EMBREE_ALONE, _ALL_CAST)
@@ -242,8 +245,7 @@ CONFIGURATIONS = (
     Configuration("horizon", "skip", "and shadow rays are sent there", _whitted, (_BRANCHLESS, _ASK_ALL)),
     Configuration("rows", "skip", "pixels row by row, not in tiles", _whitted, (_ROW_BY_ROW,)),
     Configuration("incoherent", "skip", "Embree is not told that rays are coherent", _whitted, (_incoherent,)),
-    Configuration("sphere", "remedy", "the hit on a sphere is o + t d", _whitted, (_PLAIN_SPHERE,)),
-    Configuration("plane", "remedy", "the hit on a plane is not pulled back onto it", _whitted, (_PLAIN_PLANE,)),
+    Configuration("single", "remedy", "hits, normals and mirrors in single precision too", _whitted, (_single,)),
     Configuration("power", "remedy", "(n.h)^p from the rounded cosine", _whitted, (_PLAIN_POWER,)),
     Configuration("epsilon", "remedy", "the textbook's epsilon, 1e-4, on all rays", _with_epsilon),
     Configuration("ray_test", "remedy", "shadow rays of balls by Mitsuba's `ray_test`", _whitted, (_RAY_TEST,)),
@@ -253,7 +255,7 @@ CONFIGURATIONS = (
         "remedy",
         "none of the remedies",
         _with_epsilon,
-        (_PLAIN_SPHERE, _PLAIN_PLANE, _PLAIN_POWER, _not_robust),
+        (_single, _PLAIN_POWER, _not_robust),
     ),
     Configuration(
         "path",
