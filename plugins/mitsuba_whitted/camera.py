@@ -135,7 +135,9 @@ class Camera:
 def camera_ray(o: Any, d: Any, near: Any, far: Any) -> Ray:
     """Make the ray that sees from `near` to `far`, both included."""
     begin = near * (1 - _CLOSED) - LEAST
-    return Ray(o, d, mi.Float(begin), mi.Float(far * (1 + _CLOSED)), mi.Vector3f(begin * mi.Vector3f(d)), mi.UInt32(NOTHING))
+    return Ray(
+        o, d, mi.Float(begin), mi.Float(far * (1 + _CLOSED)), mi.Vector3f(begin * mi.Vector3f(d)), mi.UInt32(NOTHING)
+    )
 
 
 def any_ray(ray: mi.Ray3f, origin: Any) -> Ray:

@@ -59,9 +59,7 @@ class Lights:
         """Kind and, while they are part of the kernel one by one, the number of these lights."""
         return f"{self.count} {self.kind}" if self.count <= UNROLL else f"many {self.kind}"
 
-    def sum(
-        self, term: Callable[[Sample], tuple[Any, Any, Any]], p: Any, inverse_square: bool
-    ) -> tuple[Any, Any, Any]:
+    def sum(self, term: Callable[[Sample], tuple[Any, Any, Any]], p: Any, inverse_square: bool) -> tuple[Any, Any, Any]:
         """Add up the parts of `term`, a Spectrum and two counts, over all lights as seen from the point `p`."""
 
         def add(i: Any, *sums: Any) -> tuple[Any, ...]:

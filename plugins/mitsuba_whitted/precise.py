@@ -89,7 +89,9 @@ def mirrored(d: Any, n: Any) -> Any:
 
     As long as `d`, but for one rounding a bounce.
     """
-    return dr.fma(-2 * dr.dot(d, n) * dr.rcp(dr.maximum(dr.squared_norm(n), LEAST)), n, d)  # where nothing was hit n is 0
+    return dr.fma(
+        -2 * dr.dot(d, n) * dr.rcp(dr.maximum(dr.squared_norm(n), LEAST)), n, d
+    )  # where nothing was hit n is 0
 
 
 def unit(n: Any) -> Any:

@@ -36,7 +36,7 @@ def stored(rows: NDArray[Any]) -> Any:
     A row of three takes the place of four: the processor then loads it at once, and not number by number. Scalar
     variants get plain Python numbers.
     """
-    kind = {"float32": mi.Float, "float64": mi.Float64, "uint32": mi.UInt32}[rows.dtype.name]
+    kind: Any = {"float32": mi.Float, "float64": mi.Float64, "uint32": mi.UInt32}[rows.dtype.name]
     values = np.ascontiguousarray(rows)
     if values.shape[-1] == 3:
         values = np.pad(values, ((0, 0), (0, 1)))

@@ -268,9 +268,6 @@ PLUGIN: dict[str, Patch] = {
     "no look at the geometric normal": hit(lambda h: h._replace(n_g=+h.n)),
     "flat shading": hit(lambda h: h._replace(n=h.n_g)),
     "hit points a thousandth off": hit(lambda h: h._replace(p=mi.Point3d(h.p + 1e-3 * mi.Vector3d(h.n)))),
-    "hit points and normals in single precision": hit(
-        lambda h: h._replace(p=mi.Point3d(mi.Point3f(h.p)), n=mi.Normal3d(mi.Normal3f(h.n)))
-    ),
     "lights a hundred thousandth brighter": sampled(lambda light, _: light._replace(colour=light.colour * 1.00001)),
     "backs look like fronts": replaced(
         Materials, "row_of", lambda f: lambda self, shape, behind, active: f(self, shape, mi.Bool(False), active)

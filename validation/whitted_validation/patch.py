@@ -16,10 +16,10 @@ from whitted_validation.forms import Matrix, radius
 from whitted_validation.roundoffs import (
     COORDINATE,
     LOCAL,
+    PLACED,
     PLANE_DISTANCE,
     PLANE_SLOPE,
     SPHERE_DISTANCE,
-    PLACED,
     VERTEX_NORMAL,
     WEIGHTS,
     V,

@@ -289,7 +289,8 @@ class Rounding:
             l = np.array(light.l, float)  # noqa: E741
             to_light, relative, distance = self._arrival(source, node, light, hit, l)
             tilt = float(radius(n @ to_light + l @ normal)) + COSINE * float(np.abs(n) @ np.abs(l))
-            flat_tilt = float(radius(n_g @ to_light)) + COSINE * float(np.abs(n_g) @ np.abs(l)) + (0.0 if n_g is n else length(normal))
+            flat_tilt = float(radius(n_g @ to_light)) + COSINE * float(np.abs(n_g) @ np.abs(l))
+            flat_tilt += 0.0 if n_g is n else length(normal)
             step.lights[light.id] = Arrival(to_light, max(tilt, flat_tilt), distance)
             if light.n_h is None:
                 continue

@@ -186,9 +186,9 @@ def _not_robust() -> None:
 
 def _single() -> None:
     """Put single precision where the plugin asks for double."""
-    for name in ("Vector3", "Vector4", "Point3", "Normal3"):
-        setattr(mi, f"{name}d", getattr(mi, f"{name}f"))
-    mi.Float64 = mi.Float
+    for double in ("Vector3d", "Vector4d", "Point3d", "Normal3d"):
+        setattr(mi, double, getattr(mi, f"{double[:-1]}f"))
+    setattr(mi, "Float64", mi.Float)  # noqa: B010  # as it is a type, mypy would not have it assigned
 
 
 def _always(_old: Any) -> Any:
