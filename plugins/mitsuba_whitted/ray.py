@@ -32,7 +32,7 @@ class Ray(NamedTuple):
         return self._replace(o=mi.Point3f(self.o), d=mi.Vector3f(self.d))
 
     def from_shifted(self) -> tuple[mi.Ray3f, Any]:
-        """Make the ray that begins at the shifted origin, and say how much further along it begins; for rounded ones."""
+        """Make, of a rounded ray, that which begins at the shifted origin, and say how much further along it begins."""
         lead = dr.dot(self.shift, self.d)
         return mi.Ray3f(self.o + self.shift, self.d, mi.Float(self.end - lead), 0, []), lead
 

@@ -72,7 +72,7 @@ class _Export:
         points = [point for shape in description.shapes for point in self._points(shape)]
         eye = [self._sensor().to_world.column(3)]
         low, high = ([f(axis) for axis in zip(*points, *eye, strict=True)] for f in (min, max))
-        self._low, self._middle = low, [(a + b) / 2 for a, b in zip(low, high, strict=True)]
+        self._middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
         self._across = math.dist(low, high)
         self._scale = 2.0 ** round(math.log2(WIDE / self._across)) if self._across else 1.0
 
