@@ -99,7 +99,7 @@ def cases() -> Iterator[Case]:
     cavity = {"depth": 32, "eye": "0.02, 0.01, -0.03", "target": "1, 0, 0"}
     sky = '<emitter type="constant"><rgb name="radiance" value="0.4, 0.6, 0.9"/></emitter>'
     yield _case("mirror chains", "picture between four balls", balls + sky + _lamp("0, 6, -1"),
-                "no pixel is unexplained; what is far off is flagged as beyond rounding", _is_flagged, **cavity)  # fmt: skip
+                "no pixel is unexplained; what is far off is flagged", _is_flagged, **cavity)  # fmt: skip
     yield _case("narrow cones", "picture of a spot of 0.5 degrees", FLOOR + '<emitter type="spot">'
                 '<rgb name="intensity" value="400"/><float name="cutoff_angle" value="0.5"/>'
                 '<transform name="to_world"><lookat origin="9, 70, -30" target="0, 0, 0" up="0, 0, 1"/></transform>'
