@@ -12,7 +12,7 @@ from mitsuba_whitted import precise
 from mitsuba_whitted.lights import Sample
 from mitsuba_whitted.materials import Coefficient
 from mitsuba_whitted.plan import Plan
-from mitsuba_whitted.ray import NOTHING, Ray
+from mitsuba_whitted.ray import NOTHING, Found, Ray
 from mitsuba_whitted.stage import Stage
 from mitsuba_whitted.surfaces import Hit
 
