@@ -1,4 +1,4 @@
-"""A browser for tests: Chromium, driven over its DevTools protocol through a pipe, by the standard library alone.
+"""A page read as a browser reads it, and a browser: Chromium, driven over its DevTools protocol through a pipe.
 
 WHITTED_TEST_CHROMIUM names the program where it must be there.
 """
@@ -6,6 +6,7 @@ WHITTED_TEST_CHROMIUM names the program where it must be there.
 from __future__ import annotations
 
 import fcntl
+import html.parser
 import json
 import os
 import select
@@ -13,12 +14,40 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+
+
+class Page(html.parser.HTMLParser):
+    """What a page holds and would load: tags, attributes, what they refer to, and text."""
+
+    def __init__(self, markup: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.attributes: list[str] = []
+        self.sources: list[str] = []
+        self.text = ""
+        self.feed(markup)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note a tag."""
+        self.tags.append(tag)
+        self.attributes += [name for name, _ in attrs]
+        self.sources += [value or "" for name, value in attrs if name in ("src", "href")]
+
+    def handle_data(self, data: str) -> None:
+        """Note text."""
+        self.text += data
+
+
+@pytest.fixture
+def read_page() -> Callable[[str], Page]:
+    return Page
+
 
 PATIENCE = 60.0  # seconds until a browser that does not answer fails the test
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import html.parser
 import json
 import math
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -153,29 +153,12 @@ def test_the_exit_code_says_whether_limits_hold(options: list[str], code: int) -
     assert run(["compare", "a.npy", "b.npy", *options]) == code
 
 
-class Page(html.parser.HTMLParser):
-    """Collects tags, what they refer to, and text."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.sources: list[str] = []
-        self.text = ""
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note a tag."""
-        self.tags.append(tag)
-        self.sources += [value or "" for name, value in attrs if name in ("src", "href")]
-
-    def handle_data(self, data: str) -> None:
-        """Note text."""
-        self.text += data
-
-
 HOSTILE = "<img src=x onerror=alert(1)>\x1b[2J\u202e.npy"
 
 
-def test_a_report_is_written_and_a_hostile_name_does_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_report_is_written_and_a_hostile_name_does_nothing(
+    capsys: pytest.CaptureFixture[str], read_page: Callable[[str], Any]
+) -> None:
     np.save(HOSTILE, RGB)
     other = RGB.copy()
     other[2, 3] = math.nan
@@ -189,8 +172,7 @@ def test_a_report_is_written_and_a_hostile_name_does_nothing(capsys: pytest.Capt
     assert results["error"]["largest"] == "Infinity"
     assert results["error"]["finite_largest"] == 0
     assert [(p["x"], p["y"], p["b"]) for p in results["worst"]] == [(3, 2, ["NaN"] * 3)]
-    page = Page()
-    page.feed(Path("page/report.html").read_text())
+    page = read_page(Path("page/report.html").read_text())
     assert "img" not in page.tags
     assert all(source.startswith(("#", "data:")) for source in page.sources)
     assert "<img src=x onerror=alert(1)>" in page.text

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import html.parser
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -61,29 +62,11 @@ def test_a_good_scene_ends_with_0_and_a_complete_report(scene: Path, tmp_path: P
     assert sorted(file.name for file in (tmp_path / "report").iterdir()) == ["report.html", "results.json"]
 
 
-class Page(html.parser.HTMLParser):
-    """Collects what a page would load, and its text."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.sources: list[str] = []
-        self.text = ""
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note a tag and what it refers to."""
-        self.tags.append(tag)
-        self.sources += [value or "" for name, value in attrs if name in ("src", "href")]
-
-    def handle_data(self, data: str) -> None:
-        """Note text."""
-        self.text += data
-
-
-def test_the_page_loads_nothing_and_names_are_escaped(scene: Path, tmp_path: Path) -> None:
+def test_the_page_loads_nothing_and_names_are_escaped(
+    scene: Path, tmp_path: Path, read_page: Callable[[str], Any]
+) -> None:
     judged([str(scene), "--report", str(tmp_path / "report")])
-    page = Page()
-    page.feed((tmp_path / "report/report.html").read_text())
+    page = read_page((tmp_path / "report/report.html").read_text())
     assert len(page.sources) == 1  # from the table to the scene
     assert page.sources[0].startswith("#at-")
     assert not {"i", "img", "link", "iframe", "object"} & set(page.tags)
