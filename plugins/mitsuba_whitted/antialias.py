@@ -190,7 +190,7 @@ def _from_corners(some: Cells) -> Estimate:
     value = dr.empty(mi.Float, 4 * count)
     dr.scatter(value, (colours[0] + colours[1] + colours[2] + colours[3]) * 0.25, dr.arange(mi.UInt32, count))
     estimate = Estimate(value, error, kind)
-    dr.eval(estimate)
+    dr.eval(*estimate)
     return estimate
 
 

@@ -139,7 +139,7 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, limit:
     good = error <= limit
     dr.scatter(estimate.value, value, close, good)
     dr.scatter(estimate.error, error, close, good)
-    dr.eval(estimate)
+    dr.eval(*estimate)
 
 
 def _belongs(colour: Any, path: Any, colours: Any, paths: Any, contrast: Any, limit: Any) -> tuple[Any, Any]:
