@@ -55,10 +55,12 @@ OF_STEP = OF_RANGE / 2
 LEFT = np.array([0.8, 0.5, 1.2])
 """Error that a cell of each kind is left with, in parts of the limit to which it is refined."""
 
+NEAR, FAR, MOST_CHECKS = 1.0, 0.125, 32
+
 LEAST_BUDGET = 0.05
 """Share of the error that the parts of split cells may make at least, should the rest have spent it all."""
 
-CLUTTERED = 1 / 4
+CLUTTERED = 2
 """Share of pixels of several paths above which a plain grid is the cheaper way.
 
 Where so many edges are, few have a pixel to themselves, and things that no corner meets are many. Rays of a grid lie
@@ -113,10 +115,30 @@ def refined(look: Look, width: int, top: int, bottom: int, target: float) -> Ban
         error = math.sqrt(np.sum(histogram * _levels(target) ** 2) / count)
         _take_grids(look, pixels, estimate, min(math.ceil((ONE_BY_ONE * error / target) ** (1 / OF_GRID)), FINEST_GRID))
     else:
-        _refine(look, pixels, estimate, target, count * target**2, DEPTH)
+        checks = _checks(pixels, histogram, target, count)
+        _refine(look, pixels, estimate, checks, target, count * target**2, DEPTH)
     lane = dr.arange(mi.UInt32, dr.width(pixels.inside))
     colour = dr.gather(mi.Vector4f, estimate.value, lane)
     return Band(pixels.i, pixels.j + opaque(mi.UInt32(top)), pixels.inside, colour)
+
+
+def _checks(pixels: Cells, histogram: NDArray[np.float64], target: float, count: int) -> Any:
+    """Say how many samples each pixel needs so that nothing that matters may hide in it."""
+    mixed = histogram[Kind.EDGE :]
+    contrast = math.sqrt(np.sum(mixed * _levels(target) ** 2) / max(mixed.sum(), 1)) / OF_RANGE
+    worst = contrast / (target * math.sqrt(count))
+    near = min(int(NEAR * worst), MOST_CHECKS)
+    far = min(int(FAR * worst), MOST_CHECKS)
+    mine = pixels.path(pixels.corner)
+    close = mi.Bool(False)
+    for x in range(-1, 3):
+        for y in range(-1, 3):
+            i, j = mi.Int32(pixels.i) + x, mi.Int32(pixels.j) + y
+            there = (i >= 0) & (j >= 0) & (i < mi.Int32(pixels.across)) & (j < mi.Int32(pixels.down))
+            close |= there & (dr.gather(mi.UInt32, pixels.paths, mi.UInt32(j) * pixels.across + mi.UInt32(i), there) != mine)
+    checks = dr.select(close, opaque(mi.UInt32(near)), opaque(mi.UInt32(far)))
+    dr.eval(checks)
+    return checks
 
 
 def _take_grids(look: Look, pixels: Cells, estimate: Estimate, n: int) -> None:
@@ -140,19 +162,29 @@ def _take_grids(look: Look, pixels: Cells, estimate: Estimate, n: int) -> None:
         dr.eval(estimate.value)
 
 
-def _refine(look: Look, some: Cells, estimate: Estimate, target: float, budget: float, depth: int) -> None:
+def _look(look: Look, some: Cells, estimate: Estimate, closer: Any, checks: Any, limit: Any) -> None:
+    """Look closer kind by kind: the lanes of one vector then take about as many steps."""
+    by_kind: list[Any] = [dr.compress(closer & (estimate.kind == kind.value)) for kind in Kind]
+    by_kind = [numbers for numbers in by_kind if dr.width(numbers)]
+    if by_kind:
+        close = dr.concat(by_kind)
+        look_closer(look, some, estimate, close, dr.gather(mi.UInt32, checks, close), limit)
+
+
+def _refine(
+    look: Look, some: Cells, estimate: Estimate, checks: Any, target: float, budget: float, depth: int
+) -> None:
     """Look closer at cells that need it, and split those that need more; updates the estimates.
 
     `budget` is the sum of the squares of all errors that may be left.
     """
     limit = _water_level(_histogram(estimate, some.inside, target), target, budget)
-    # Kind by kind: the lanes of one vector then take about as many steps.
+    seen = opaque(mi.Float(limit))
     wrong = (estimate.error > limit) & some.inside
-    by_kind: list[Any] = [dr.compress(wrong & (estimate.kind == kind.value)) for kind in (Kind.SMOOTH, Kind.EDGE)]
-    by_kind = [numbers for numbers in by_kind if dr.width(numbers)]
-    if by_kind:
-        look_closer(look, some, estimate, dr.concat(by_kind), opaque(mi.Float(limit)))
-        wrong = (estimate.error > limit) & some.inside
+    clutter = estimate.kind == Kind.CLUTTER.value
+    closer = dr.select(clutter, ~wrong, wrong | (checks > 0)) & some.inside
+    _look(look, some, estimate, closer, checks, seen)
+    wrong = (estimate.error > limit) & some.inside
     split = dr.compress(wrong)
     count = dr.width(split)
     if count:
@@ -165,7 +197,9 @@ def _refine(look: Look, some: Cells, estimate: Estimate, target: float, budget: 
         parts = cells.quarters(look, some, chosen)
         of_parts = _from_corners(parts)
         if depth > 1:
-            _refine(look, parts, of_parts, target, left * size / count, depth - 1)
+            fewer = dr.gather(mi.UInt32, checks, dr.repeat(chosen, 4)) // 2
+            dr.eval(fewer)
+            _refine(look, parts, of_parts, fewer, target, left * size / count, depth - 1)
         part = 4 * dr.arange(mi.UInt32, size)
         mean = sum(dr.gather(mi.Vector4f, of_parts.value, part + k) for k in range(4)) * 0.25
         dr.scatter(estimate.value, mean, chosen)
