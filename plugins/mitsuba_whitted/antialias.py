@@ -30,8 +30,8 @@ from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, norm
 from mitsuba_whitted.edges import look_closer
 from mitsuba_whitted.tables import opaque
 
-DEPTH = 5
-"""How often a pixel can be split: to 1/32."""
+DEPTH = 8
+"""How often a pixel can be split: to 1/256."""
 
 SPLIT_AT_ONCE = 1 << 17
 """Cells split in one launch. Each depth keeps so many at most, of some 400 bytes with all that hangs on them."""
@@ -52,32 +52,24 @@ OF_BEND = 1 / 12
 OF_STEP = OF_RANGE / 2
 """The same in parts of third differences: a step inside the cell makes one of twice its height."""
 
-LEFT = np.array([0.8, 0.5, 1.2])
+LEFT = np.array([0.8, 0.3, 0.7])
 """Error that a cell of each kind is left with, in parts of the limit to which it is refined."""
 
-NEAR, FAR, MOST_CHECKS = 1.0, 0.125, 32
+NEAR, FAR, FARTHEST, MOST_CHECKS = 1.0, 0.25, 8, 32
 
-LEAST_BUDGET = 0.05
+FOLLOWED, MORE_CHECKS = 8, 4
+
+LEAST_BUDGET = 0.15
 """Share of the error that the parts of split cells may make at least, should the rest have spent it all."""
 
-CLUTTERED = 2
-"""Share of pixels of several paths above which a plain grid is the cheaper way.
+SIDE = 4
+"""Samples a side where a cell is averaged over: as many as the lanes of one vector."""
 
-Where so many edges are, few have a pixel to themselves, and things that no corner meets are many. Rays of a grid lie
-closer than those that search for edges, and take less time each.
-"""
+GAIN = SIDE**1.5
+"""By so much that lowers the error: it falls with this power of n, as long as edges cross the cell at random."""
 
-ONE_BY_ONE = 0.8
-"""Error of a grid of one sample a pixel, in parts of what is estimated for the means of the corners."""
-
-OF_GRID = 1.5
-"""The error of a grid of n x n falls with this power of n, as long as edges cross the pixel at random."""
-
-FINEST_GRID = 64
-"""Largest n."""
-
-SAMPLES_AT_ONCE = 1 << 22
-"""Samples of grids taken in one launch; four floats each are kept until averaged."""
+OF_HALVES = 0.3
+"""Error of such an average, in parts of how much two halves of the samples differ."""
 
 OCTAVES_BELOW, STEPS, BINS = 8, 4, 96
 """Errors are counted from so many octaves below the target, in so many steps an octave."""
@@ -111,55 +103,75 @@ def refined(look: Look, width: int, top: int, bottom: int, target: float) -> Ban
     estimate = _from_corners(pixels)
     count = width * (bottom - top)
     histogram = _histogram(estimate, pixels.inside, target)
-    if histogram[Kind.EDGE :].sum() > CLUTTERED * count:
-        error = math.sqrt(np.sum(histogram * _levels(target) ** 2) / count)
-        _take_grids(look, pixels, estimate, min(math.ceil((ONE_BY_ONE * error / target) ** (1 / OF_GRID)), FINEST_GRID))
-    else:
-        checks = _checks(pixels, histogram, target, count)
-        _refine(look, pixels, estimate, checks, target, count * target**2, DEPTH)
+    checks = _checks(pixels, estimate, histogram, target, count)
+    _refine(look, pixels, estimate, checks, target, count * target**2, DEPTH)
     lane = dr.arange(mi.UInt32, dr.width(pixels.inside))
     colour = dr.gather(mi.Vector4f, estimate.value, lane)
     return Band(pixels.i, pixels.j + opaque(mi.UInt32(top)), pixels.inside, colour)
 
 
-def _checks(pixels: Cells, histogram: NDArray[np.float64], target: float, count: int) -> Any:
+def _checks(pixels: Cells, estimate: Estimate, histogram: NDArray[np.float64], target: float, count: int) -> Any:
     """Say how many samples each pixel needs so that nothing that matters may hide in it."""
     mixed = histogram[Kind.EDGE :]
     contrast = math.sqrt(np.sum(mixed * _levels(target) ** 2) / max(mixed.sum(), 1)) / OF_RANGE
     worst = contrast / (target * math.sqrt(count))
-    near = min(int(NEAR * worst), MOST_CHECKS)
-    far = min(int(FAR * worst), MOST_CHECKS)
-    mine = pixels.path(pixels.corner)
-    close = mi.Bool(False)
-    for x in range(-1, 3):
-        for y in range(-1, 3):
-            i, j = mi.Int32(pixels.i) + x, mi.Int32(pixels.j) + y
-            there = (i >= 0) & (j >= 0) & (i < mi.Int32(pixels.across)) & (j < mi.Int32(pixels.down))
-            close |= there & (dr.gather(mi.UInt32, pixels.paths, mi.UInt32(j) * pixels.across + mi.UInt32(i), there) != mine)
-    checks = dr.select(close, opaque(mi.UInt32(near)), opaque(mi.UInt32(far)))
+    near, far = (min(share * worst, MOST_CHECKS) for share in (NEAR, FAR))
+    every = math.ceil(1 / far) if far * FARTHEST > 1 else 0
+    some = (pixels.i + 2 * pixels.j) % opaque(mi.UInt32(max(every, 1))) == 0
+    of_far = dr.select(some, opaque(mi.UInt32(math.ceil(far) if every else 0)), 0)
+    checks = dr.select(_around(pixels, estimate.kind != Kind.SMOOTH.value), opaque(mi.UInt32(int(near))), of_far)
     dr.eval(checks)
     return checks
 
 
-def _take_grids(look: Look, pixels: Cells, estimate: Estimate, n: int) -> None:
-    """Average n x n samples in each pixel."""
-    chosen = dr.compress(pixels.inside)
-    size = opaque(mi.UInt32(n))
-    at_once = max(1, SAMPLES_AT_ONCE // n**2)
-    for begin in range(0, dr.width(chosen), at_once):
-        count = min(at_once, dr.width(chosen) - begin)
-        pixel = dr.gather(mi.UInt32, chosen, dr.arange(mi.UInt32, count) + opaque(mi.UInt32(begin)))
-        dr.eval(pixel)
-        lane = dr.arange(mi.UInt32, count * n**2)
-        here = pixels.some(dr.gather(mi.UInt32, pixel, lane // (size * size)))
-        part = lane % (size * size)
-        x = here.x + (mi.Float(part % size) + 0.5) / mi.Float(size)
-        y = here.y + (mi.Float(part // size) + 0.5) / mi.Float(size)
-        colour, _ = look(x, y, mi.Bool(True))
-        dr.eval(colour)  # else each of the four sums would trace anew
-        mean = mi.Vector4f(*(dr.block_sum(channel, n**2) * (1 / n**2) for channel in colour))
-        dr.scatter(estimate.value, mean, pixel)
-        dr.eval(estimate.value)
+def _around(pixels: Cells, some: Any) -> Any:
+    """Mark pixels that touch one of these, and those themselves."""
+    across, down = pixels.across - 1, pixels.down - 1
+    marked = dr.zeros(mi.Bool, pixels.samples)
+    dr.scatter(marked, mi.Bool(True), pixels.j * across + pixels.i, some & pixels.inside)
+    found = mi.Bool(False)
+    for x in range(-1, 2):
+        for y in range(-1, 2):
+            i, j = mi.Int32(pixels.i) + x, mi.Int32(pixels.j) + y
+            there = pixels.inside & (i >= 0) & (j >= 0) & (i < mi.Int32(across)) & (j < mi.Int32(down))
+            found |= dr.gather(mi.Bool, marked, mi.UInt32(j) * across + mi.UInt32(i), there)
+    return found
+
+
+def _follow(look: Look, pixels: Cells, estimate: Estimate, checks: Any, limit: float) -> None:
+    """Where something was hidden, look for more of it in the pixels around, and around these."""
+    known = mi.Bool(False)
+    for _ in range(FOLLOWED):
+        surprised = pixels.inside & (estimate.kind == Kind.SMOOTH.value) & (estimate.error > limit)
+        fresh = surprised & ~known
+        if not dr.any(fresh):
+            break
+        known = surprised
+        around = _around(pixels, fresh) & (estimate.error <= limit)
+        more = checks + MORE_CHECKS
+        _look(look, pixels, estimate, around, more, opaque(mi.Float(limit)))
+
+
+def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any) -> None:
+    """Take SIDE x SIDE samples in each of these cells; the two colours of a chessboard tell how far off they are."""
+    size = SIDE * SIDE
+    for begin in range(0, dr.width(chosen), SPLIT_AT_ONCE):
+        count = min(SPLIT_AT_ONCE, dr.width(chosen) - begin)
+        cell = dr.gather(mi.UInt32, chosen, dr.arange(mi.UInt32, count) + opaque(mi.UInt32(begin)))
+        lane = dr.arange(mi.UInt32, count * size)
+        here = some.some(dr.gather(mi.UInt32, cell, lane // size))
+        i, j = lane % SIDE, lane // SIDE % SIDE
+        x, y = ((mi.Float(part) + 0.5) * (1 / SIDE) for part in (i, j))
+        colour, _ = look(dr.fma(x, here.step, here.x), dr.fma(y, here.step, here.y), mi.Bool(True))
+        apart = mi.Vector4f(dr.select((i + j) % 2 == 0, colour, -colour))
+        dr.eval(colour, apart)  # else each of the sums would trace anew
+        mean = mi.Vector4f(*(dr.block_sum(channel, size) * (1 / size) for channel in colour))
+        halves = mi.Vector4f(*(dr.block_sum(channel, size) * (2 / size) for channel in apart))
+        error = norm(halves) * (some.step * some.step) * OF_HALVES
+        dr.eval(mean, error)
+        dr.scatter(estimate.value, mean, cell)
+        dr.scatter(estimate.error, error, cell)
+        dr.eval(*estimate)
 
 
 def _look(look: Look, some: Cells, estimate: Estimate, closer: Any, checks: Any, limit: Any) -> None:
@@ -184,7 +196,13 @@ def _refine(
     clutter = estimate.kind == Kind.CLUTTER.value
     closer = dr.select(clutter, ~wrong, wrong | (checks > 0)) & some.inside
     _look(look, some, estimate, closer, checks, seen)
+    if depth == DEPTH:
+        _follow(look, some, estimate, checks, limit)
     wrong = (estimate.error > limit) & some.inside
+    averaged = dr.compress(wrong & (estimate.error <= GAIN * limit))
+    if dr.width(averaged):
+        _average(look, some, estimate, averaged)
+        wrong = (estimate.error > limit) & some.inside
     split = dr.compress(wrong)
     count = dr.width(split)
     if count:

@@ -41,6 +41,9 @@ OF_CHANGE = 0.25
 SIMPSON = 0.3
 """Error of Simpson's rule, in parts of the change that it makes."""
 
+OF_EDGE = 0.3
+"""Error of a cell with an edge at least, in parts of the limit."""
+
 FINEST = 2.0**-10
 """No position is sought finer than this part of a side: edges are not straighter than that."""
 
@@ -104,7 +107,9 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     corners = [here.colour(sample) for sample in here.corners()]
     along = mi.Vector2f(-parts.away.y, parts.away.x)
 
-    def step(phase: Any, k: Any, outward: Any, low: Any, high: Any, colour_a: Any, colour_b: Any, failed: Any) -> Any:
+    def step(
+        phase: Any, k: Any, outward: Any, low: Any, high: Any, colour_a: Any, colour_b: Any, failed: Any, off: Any
+    ) -> Any:
         """Look once. The bulge lies between `low` and `high`, to B if `outward` is 1, to A if it is -1."""
         first = outward == 0
         bulge = dr.select(first, 0, dr.select(high > 1, dr.maximum(fine, 4 * low), 0.5 * (low + high)))
@@ -132,36 +137,39 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
         failed |= (phase == _AT_B) & ~(known & ~is_a)
         failed |= (phase == _CENTRE) & ~several & (path != parts.path_a) & (path != parts.path_b)
 
-        off = at - parts.middle
+        from_middle = at - parts.middle
         bulge = outward * 0.5 * (low + dr.select(high > 1, low, high))
-        share = 2 * dr.dot(off, along) * dr.rcp(dr.maximum(parts.length, FINEST))
-        beyond = dr.dot(off, parts.away) - bulge * (1 - share * share)
+        share = 2 * dr.dot(from_middle, along) * dr.rcp(dr.maximum(parts.length, FINEST))
+        beyond = dr.dot(from_middle, parts.away) - bulge * (1 - share * share)
         other_side = is_a == (beyond > 0)
         expected = dr.select(is_edge, dr.select(is_a, colour_a, colour_b), _between(corners, at))
-        unlike = area * SURPRISE * norm(colour - expected) > limit
+        distance = norm(colour - expected)
+        unlike = area * SURPRISE * distance > limit
         unlike |= is_edge & (~known | (other_side & (BULGE * weight * parts.length * dr.abs(beyond) > 2 * limit)))
         failed |= (checking | (several & (phase == _CENTRE))) & unlike
+        off = dr.maximum(off, dr.select(failed, distance, 0))
         colour_a = dr.select((phase == _AT_A) | (phase == _CENTRE), colour, colour_a)
         colour_b = dr.select(phase == _AT_B, colour, colour_b)
         after_check = dr.select(checking & (k >= checks), mi.UInt32(_OVER), checked)
         following = dr.select(searching, after_search, dr.select(phase == _AT_A, after_a, after_check))
         phase = dr.select(searching & ~found, phase, following)
-        return dr.select(failed, mi.UInt32(_OVER), phase), k, outward, low, high, colour_a, colour_b, failed
+        return dr.select(failed, mi.UInt32(_OVER), phase), k, outward, low, high, colour_a, colour_b, failed, off
 
-    state = (start, mi.UInt32(0), mi.Float(0), mi.Float(0), mi.Float(2), parts.mean_a, parts.mean_b, failed)
+    state = (start, mi.UInt32(0), mi.Float(0), mi.Float(0), mi.Float(2), parts.mean_a, parts.mean_b, failed, mi.Float(0))
     looked: Any = dr.while_loop(state, lambda phase, *_: phase != _OVER, step, label="edges")
-    _, _, outward, low, high, colour_a, colour_b, failed = looked
+    _, _, outward, low, high, colour_a, colour_b, failed, off = looked
 
     bulge = outward * 0.5 * (low + dr.select(high > 1, low, high))
     area_a = dr.clip(parts.area_a + (2 / 3) * bulge * parts.length, 0, 1)  # Archimedes: a parabola over its chord
     of_edge = colour_a * area_a + colour_b * (1 - area_a)
     change = norm(colour_a - parts.mean_a) * area_a + norm(colour_b - parts.mean_b) * (1 - area_a)
-    edge_error = dr.maximum(area * change * OF_CHANGE, 0.5 * dr.minimum(limit, weight))
+    edge_error = dr.maximum(area * change * OF_CHANGE, OF_EDGE * dr.minimum(limit, weight))
     of_corners = sum(corners) * 0.25
     of_centre = (of_corners + 2 * colour_a) * (1 / 3)  # exact for polynomials up to the third degree
     value = dr.select(is_edge, of_edge, of_centre)
     error = dr.select(is_edge, edge_error, area * norm(colour_a - of_corners) * SIMPSON)
-    error = dr.select(failed, dr.inf, error)
+    before = dr.maximum(dr.gather(mi.Float, estimate.error, close), OF_RANGE * area * off)
+    error = dr.select(failed, dr.maximum(before, 1.001 * limit), error)
     dr.eval(value, error)  # here, since each scatter may start a kernel of its own
     good = error <= limit
     dr.scatter(estimate.value, value, close, good)
