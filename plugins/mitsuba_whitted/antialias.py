@@ -62,11 +62,11 @@ FOLLOWED, MORE_CHECKS = 8, 4
 LEAST_BUDGET = 0.15
 """Share of the error that the parts of split cells may make at least, should the rest have spent it all."""
 
-SIDE = 4
-"""Samples a side where a cell is averaged over: as many as the lanes of one vector."""
+SAMPLES, ROW_STEP = 16, 7
+"""Of a cell that is averaged over: as many as the lanes of one vector. From each to the next, so many rows down."""
 
-GAIN = SIDE**1.5
-"""By so much that lowers the error: it falls with this power of n, as long as edges cross the cell at random."""
+GAIN = SAMPLES**0.75
+"""By so much that lowers the error: it falls with this power, as long as edges cross the cell at random."""
 
 OF_HALVES = 0.3
 """Error of such an average, in parts of how much two halves of the samples differ."""
@@ -153,20 +153,22 @@ def _follow(look: Look, pixels: Cells, estimate: Estimate, checks: Any, limit: f
 
 
 def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any) -> None:
-    """Take SIDE x SIDE samples in each of these cells; the two colours of a chessboard tell how far off they are."""
-    size = SIDE * SIDE
+    """Take SAMPLES in each of these cells: a lattice that has one in each of so many columns, and rows.
+
+    How much every other of them differs from the rest tells how far off they are.
+    """
     for begin in range(0, dr.width(chosen), SPLIT_AT_ONCE):
         count = min(SPLIT_AT_ONCE, dr.width(chosen) - begin)
         cell = dr.gather(mi.UInt32, chosen, dr.arange(mi.UInt32, count) + opaque(mi.UInt32(begin)))
-        lane = dr.arange(mi.UInt32, count * size)
-        here = some.some(dr.gather(mi.UInt32, cell, lane // size))
-        i, j = lane % SIDE, lane // SIDE % SIDE
-        x, y = ((mi.Float(part) + 0.5) * (1 / SIDE) for part in (i, j))
+        lane = dr.arange(mi.UInt32, count * SAMPLES)
+        here = some.some(dr.gather(mi.UInt32, cell, lane // SAMPLES))
+        k = lane % SAMPLES
+        x, y = ((mi.Float(part) + 0.5) * (1 / SAMPLES) for part in (k, ROW_STEP * k % SAMPLES))
         colour, _ = look(dr.fma(x, here.step, here.x), dr.fma(y, here.step, here.y), mi.Bool(True))
-        apart = mi.Vector4f(dr.select((i + j) % 2 == 0, colour, -colour))
+        apart = mi.Vector4f(dr.select(k % 2 == 0, colour, -colour))
         dr.eval(colour, apart)  # else each of the sums would trace anew
-        mean = mi.Vector4f(*(dr.block_sum(channel, size) * (1 / size) for channel in colour))
-        halves = mi.Vector4f(*(dr.block_sum(channel, size) * (2 / size) for channel in apart))
+        mean = mi.Vector4f(*(dr.block_sum(channel, SAMPLES) * (1 / SAMPLES) for channel in colour))
+        halves = mi.Vector4f(*(dr.block_sum(channel, SAMPLES) * (2 / SAMPLES) for channel in apart))
         error = norm(halves) * (some.step * some.step) * OF_HALVES
         dr.eval(mean, error)
         dr.scatter(estimate.value, mean, cell)

@@ -47,7 +47,7 @@ OF_EDGE = 0.3
 FINEST = 2.0**-10
 """No position is sought finer than this part of a side: edges are not straighter than that."""
 
-SURPRISE = 0.2
+SURPRISE = 0.7
 """Error, in parts of what a sample differs from what was expected there."""
 
 GOLDEN = 0.7548776662, 0.5698402910
