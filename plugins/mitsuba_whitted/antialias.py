@@ -55,15 +55,15 @@ OF_STEP = OF_RANGE / 2
 LEFT = np.array([0.8, 0.3, 0.7])
 """Error that a cell of each kind is left with, in parts of the limit to which it is refined."""
 
-NEAR, FAR, FARTHEST, MOST_CHECKS = 1.0, 0.25, 8, 32
+NEAR, FAR, FARTHEST, MOST_CHECKS = 1.0, 0.25, 2, 32
 
 FOLLOWED, MORE_CHECKS = 8, 4
 
 LEAST_BUDGET = 0.15
 """Share of the error that the parts of split cells may make at least, should the rest have spent it all."""
 
-SAMPLES, ROW_STEP = 16, 7
-"""Of a cell that is averaged over: as many as the lanes of one vector. From each to the next, so many rows down."""
+SAMPLES, ROW_STEP = 8, 3
+"""Of a cell that is averaged over; from each to the next, so many rows down."""
 
 GAIN = SAMPLES**0.75
 """By so much that lowers the error: it falls with this power, as long as edges cross the cell at random."""
@@ -138,18 +138,15 @@ def _around(pixels: Cells, some: Any) -> Any:
     return found
 
 
-def _follow(look: Look, pixels: Cells, estimate: Estimate, checks: Any, limit: float) -> None:
+def _follow(look: Look, pixels: Cells, estimate: Estimate, expected: Any, checks: Any, limit: float) -> None:
     """Where something was hidden, look for more of it in the pixels around, and around these."""
-    known = mi.Bool(False)
     for _ in range(FOLLOWED):
-        surprised = pixels.inside & (estimate.kind == Kind.SMOOTH.value) & (estimate.error > limit)
-        fresh = surprised & ~known
-        if not dr.any(fresh):
+        surprised = pixels.inside & (estimate.error > limit) & ~expected
+        if not dr.any(surprised):
             break
-        known = surprised
-        around = _around(pixels, fresh) & (estimate.error <= limit)
-        more = checks + MORE_CHECKS
-        _look(look, pixels, estimate, around, more, opaque(mi.Float(limit)))
+        expected |= surprised
+        around = _around(pixels, surprised) & (estimate.error <= limit)
+        _look(look, pixels, estimate, around, checks + MORE_CHECKS, opaque(mi.Float(limit)))
 
 
 def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any) -> None:
@@ -194,12 +191,12 @@ def _refine(
     """
     limit = _water_level(_histogram(estimate, some.inside, target), target, budget)
     seen = opaque(mi.Float(limit))
-    wrong = (estimate.error > limit) & some.inside
+    expected = (estimate.error > limit) & some.inside
     clutter = estimate.kind == Kind.CLUTTER.value
-    closer = dr.select(clutter, ~wrong, wrong | (checks > 0)) & some.inside
+    closer = dr.select(clutter, ~expected, expected | (checks > 0)) & some.inside
     _look(look, some, estimate, closer, checks, seen)
     if depth == DEPTH:
-        _follow(look, some, estimate, checks, limit)
+        _follow(look, some, estimate, expected | clutter, checks, limit)
     wrong = (estimate.error > limit) & some.inside
     averaged = dr.compress(wrong & (estimate.error <= GAIN * limit))
     if dr.width(averaged):
