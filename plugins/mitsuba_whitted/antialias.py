@@ -46,6 +46,11 @@ Below the pixel it also holds for cells of one path: their pixel was split since
 """
 
 
+OF_CLUTTER = 0.7
+"""The same of cells with more than two: samples that have nothing to do with each other are off by 0.5 of their range,
+as neighbours are by the same corners.
+"""
+
 OF_BEND = 1 / 12
 """Error of the mean of the corners of a smooth function, in parts of its second differences (the trapezoidal rule)."""
 
@@ -59,6 +64,9 @@ NEAR, FAR, FARTHEST, MOST_CHECKS = 1.0, 0.25, 2, 32
 
 FOLLOWED, MORE_CHECKS = 8, 4
 
+AIM = 0.8
+"""Aimed at, in parts of the target error, for what is not foreseen."""
+
 LEAST_BUDGET = 0.15
 """Share of the error that the parts of split cells may make at least, should the rest have spent it all."""
 
@@ -68,7 +76,7 @@ SAMPLES, ROW_STEP = 8, 3
 GAIN = SAMPLES**0.75
 """By so much that lowers the error: it falls with this power, as long as edges cross the cell at random."""
 
-OF_HALVES = 0.3
+OF_HALVES = 0.5
 """Error of such an average, in parts of how much two halves of the samples differ."""
 
 OCTAVES_BELOW, STEPS, BINS = 8, 4, 96
@@ -99,9 +107,11 @@ def refined(look: Look, width: int, top: int, bottom: int, target: float) -> Ban
     target : float
         Linear radiance, over all pixels and channels of these rows.
     """
+    target *= AIM
     pixels = cells.pixels(look, width, top, bottom)
     estimate = _from_corners(pixels)
     count = width * (bottom - top)
+    _share_clutter(pixels, estimate)
     histogram = _histogram(estimate, pixels.inside, target)
     checks = _checks(pixels, estimate, histogram, target, count)
     _refine(look, pixels, estimate, checks, target, count * target**2, DEPTH)
@@ -136,6 +146,24 @@ def _around(pixels: Cells, some: Any) -> Any:
             there = pixels.inside & (i >= 0) & (j >= 0) & (i < mi.Int32(across)) & (j < mi.Int32(down))
             found |= dr.gather(mi.Bool, marked, mi.UInt32(j) * across + mi.UInt32(i), there)
     return found
+
+
+def _share_clutter(pixels: Cells, estimate: Estimate) -> None:
+    """Expect of pixels with several paths what the worst of them around shows: four corners may be alike by chance."""
+    across, down = pixels.across - 1, pixels.down - 1
+    clutter = pixels.inside & (estimate.kind == Kind.CLUTTER.value)
+    errors = dr.zeros(mi.Float, pixels.samples)
+    dr.scatter(errors, estimate.error, pixels.j * across + pixels.i, clutter)
+    worst = mi.Float(0)
+    for x in range(-1, 2):
+        for y in range(-1, 2):
+            i, j = mi.Int32(pixels.i) + x, mi.Int32(pixels.j) + y
+            there = clutter & (i >= 0) & (j >= 0) & (i < mi.Int32(across)) & (j < mi.Int32(down))
+            worst = dr.maximum(worst, dr.gather(mi.Float, errors, mi.UInt32(j) * across + mi.UInt32(i), there))
+    error = dr.select(clutter, worst, estimate.error)
+    dr.eval(error)
+    dr.scatter(estimate.error, error, dr.arange(mi.UInt32, dr.width(error)))
+    dr.eval(estimate.error)
 
 
 def _follow(look: Look, pixels: Cells, estimate: Estimate, expected: Any, checks: Any, limit: float) -> None:
@@ -236,6 +264,7 @@ def _from_corners(some: Cells) -> Estimate:
     low = dr.minimum(dr.minimum(colours[0], colours[1]), dr.minimum(colours[2], colours[3]))
     high = dr.maximum(dr.maximum(colours[0], colours[1]), dr.maximum(colours[2], colours[3]))
     of_range = dr.select((crossed != 0) | (some.step < 1), mi.Float(OF_RANGE), 0)
+    of_range = dr.select(crossed > 2, OF_CLUTTER, of_range)
     error = some.step * some.step * dr.maximum(_bend(some), norm(high - low) * of_range)
     count = dr.width(some.x)
     value = dr.empty(mi.Float, 4 * count)
