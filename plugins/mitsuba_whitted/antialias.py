@@ -46,7 +46,7 @@ Below the pixel it also holds for cells of one path: their pixel was split since
 """
 
 
-OF_CLUTTER = 0.7
+OF_CLUTTER = 0.5
 """The same of cells with more than two: samples that have nothing to do with each other are off by 0.5 of their range,
 as neighbours are by the same corners.
 """
@@ -64,7 +64,7 @@ NEAR, FAR, FARTHEST, MOST_CHECKS = 1.0, 0.25, 2, 32
 
 FOLLOWED, MORE_CHECKS = 8, 4
 
-AIM = 0.8
+AIM = 0.9
 """Aimed at, in parts of the target error, for what is not foreseen."""
 
 LEAST_BUDGET = 0.15
@@ -111,7 +111,6 @@ def refined(look: Look, width: int, top: int, bottom: int, target: float) -> Ban
     pixels = cells.pixels(look, width, top, bottom)
     estimate = _from_corners(pixels)
     count = width * (bottom - top)
-    _share_clutter(pixels, estimate)
     histogram = _histogram(estimate, pixels.inside, target)
     checks = _checks(pixels, estimate, histogram, target, count)
     _refine(look, pixels, estimate, checks, target, count * target**2, DEPTH)
@@ -148,24 +147,6 @@ def _around(pixels: Cells, some: Any) -> Any:
     return found
 
 
-def _share_clutter(pixels: Cells, estimate: Estimate) -> None:
-    """Expect of pixels with several paths what the worst of them around shows: four corners may be alike by chance."""
-    across, down = pixels.across - 1, pixels.down - 1
-    clutter = pixels.inside & (estimate.kind == Kind.CLUTTER.value)
-    errors = dr.zeros(mi.Float, pixels.samples)
-    dr.scatter(errors, estimate.error, pixels.j * across + pixels.i, clutter)
-    worst = mi.Float(0)
-    for x in range(-1, 2):
-        for y in range(-1, 2):
-            i, j = mi.Int32(pixels.i) + x, mi.Int32(pixels.j) + y
-            there = clutter & (i >= 0) & (j >= 0) & (i < mi.Int32(across)) & (j < mi.Int32(down))
-            worst = dr.maximum(worst, dr.gather(mi.Float, errors, mi.UInt32(j) * across + mi.UInt32(i), there))
-    error = dr.select(clutter, worst, estimate.error)
-    dr.eval(error)
-    dr.scatter(estimate.error, error, dr.arange(mi.UInt32, dr.width(error)))
-    dr.eval(estimate.error)
-
-
 def _follow(look: Look, pixels: Cells, estimate: Estimate, expected: Any, checks: Any, limit: float) -> None:
     """Where something was hidden, look for more of it in the pixels around, and around these."""
     for _ in range(FOLLOWED):
@@ -194,7 +175,8 @@ def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any) -> None:
         dr.eval(colour, apart)  # else each of the sums would trace anew
         mean = mi.Vector4f(*(dr.block_sum(channel, SAMPLES) * (1 / SAMPLES) for channel in colour))
         halves = mi.Vector4f(*(dr.block_sum(channel, SAMPLES) * (2 / SAMPLES) for channel in apart))
-        error = norm(halves) * (some.step * some.step) * OF_HALVES
+        before = dr.gather(mi.Float, estimate.error, cell)
+        error = dr.maximum(norm(halves) * (some.step * some.step) * OF_HALVES, before * (0.5 / GAIN))
         dr.eval(mean, error)
         dr.scatter(estimate.value, mean, cell)
         dr.scatter(estimate.error, error, cell)
@@ -263,6 +245,15 @@ def _from_corners(some: Cells) -> Estimate:
 
     low = dr.minimum(dr.minimum(colours[0], colours[1]), dr.minimum(colours[2], colours[3]))
     high = dr.maximum(dr.maximum(colours[0], colours[1]), dr.maximum(colours[2], colours[3]))
+    several = crossed > 3
+    for x in range(-1, 3):
+        for y in range(-1, 3):
+            if not (0 <= x <= 1 and 0 <= y <= 1):
+                i, j = mi.Int32(some.i) + x, mi.Int32(some.j) + y
+                there = several & (i >= 0) & (j >= 0) & (i < mi.Int32(some.across)) & (j < mi.Int32(some.down))
+                sample = mi.UInt32(mi.Int32(some.corner) + x + y * mi.Int32(some.across))
+                colour = dr.gather(mi.Vector4f, some.colours, sample, there)
+                low, high = dr.select(there, dr.minimum(low, colour), low), dr.select(there, dr.maximum(high, colour), high)
     of_range = dr.select((crossed != 0) | (some.step < 1), mi.Float(OF_RANGE), 0)
     of_range = dr.select(crossed > 2, OF_CLUTTER, of_range)
     error = some.step * some.step * dr.maximum(_bend(some), norm(high - low) * of_range)
