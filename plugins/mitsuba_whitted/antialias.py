@@ -64,7 +64,7 @@ NEAR, FAR, FARTHEST, MOST_CHECKS = 1.0, 0.25, 2, 32
 
 FOLLOWED, MORE_CHECKS = 8, 4
 
-AIM = 0.9
+AIM = 0.8
 """Aimed at, in parts of the target error, for what is not foreseen."""
 
 LEAST_BUDGET = 0.15
