@@ -8,11 +8,9 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, norm
+from mitsuba_whitted.corners import OF_RANGE
 
 # Fitted as told in `antialias`.
-
-OF_RANGE = 0.3
-"""Two colours that differ by less than what makes this an error below the limit need no edge: see `antialias`."""
 
 CROSSING = 0.4
 """Error of a cell, in parts of its contrast, for each part of a side within which the crossing is not known."""
@@ -81,8 +79,8 @@ class _Parts(NamedTuple):
 def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks: Any, limit: Any) -> None:
     """Take samples inside cells of one path, and find the edge in those of two.
 
-    Updates the estimates of the cells `close`; where that fails, or the error is still above `limit`, they are
-    left as they are.
+    Then it takes so many `checks` of each, spread evenly. Updates the estimates of the cells `close`; where what is
+    seen does not fit, or the error is still above `limit`, the values are left as they are.
     """
     kind = dr.gather(mi.UInt32, estimate.kind, close)
     two, several = kind == Kind.EDGE.value, kind == Kind.CLUTTER.value
@@ -155,7 +153,17 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
         phase = dr.select(searching & ~found, phase, following)
         return dr.select(failed, mi.UInt32(_OVER), phase), k, outward, low, high, colour_a, colour_b, failed, off
 
-    state = (start, mi.UInt32(0), mi.Float(0), mi.Float(0), mi.Float(2), parts.mean_a, parts.mean_b, failed, mi.Float(0))
+    state = (
+        start,
+        mi.UInt32(0),
+        mi.Float(0),
+        mi.Float(0),
+        mi.Float(2),
+        parts.mean_a,
+        parts.mean_b,
+        failed,
+        mi.Float(0),
+    )
     looked: Any = dr.while_loop(state, lambda phase, *_: phase != _OVER, step, label="edges")
     _, _, outward, low, high, colour_a, colour_b, failed, off = looked
 
