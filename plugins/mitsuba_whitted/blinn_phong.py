@@ -134,14 +134,10 @@ def define() -> type[mi.BSDF]:
             for name in PARAMETERS:
                 cb.put(name, getattr(self, name), mi.ParamFlags.Differentiable)
 
-        def eval(
-            self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: Any = True
-        ) -> Any:
+        def eval(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: Any = True) -> Any:
             return self.eval_pdf(ctx, si, wo, active)[0]
 
-        def pdf(
-            self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: Any = True
-        ) -> Any:
+        def pdf(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: Any = True) -> Any:
             return self.eval_pdf(ctx, si, wo, active)[1]
 
         def eval_pdf(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_whitted.errors import SceneError
-from mitsuba_whitted.precise import UNIT_ROUNDOFF
+from mitsuba_whitted.precise import LEAST, UNIT_ROUNDOFF
 from mitsuba_whitted.ray import NOTHING, Ray
 from mitsuba_whitted.scene_graph import Node, Stamp, number, read, recorder
 from mitsuba_whitted.shapes import Row
@@ -20,9 +20,6 @@ from mitsuba_whitted.transforms import matrix_of
 SCALE_TOLERANCE = 1e-3
 """How far from 1 the scale of a camera's to_world may be: Mitsuba measures its clip planes in camera units."""
 
-
-_LEAST = 2.0**-126
-"""The least float32 that is never rounded to 0."""
 
 _CLOSED = 4 * UNIT_ROUNDOFF
 """Clip planes belong to what is seen, but rays are open at both ends; their distances carry four roundings."""
@@ -81,12 +78,12 @@ class Camera:
         centre, per_x, per_y, eye, forward, x0_y0_near, far = self._constants
         # Distances from the middle of the film are exact or nearly so: the error of a ray is that of its direction.
         dx, dy = x - x0_y0_near.x, y - x0_y0_near.y
-        on_plane = mi.Vector3f(dr.fma(dx, per_x, dr.fma(dy, per_y, centre)))
+        on_plane = mi.Vector3d(dr.fma(mi.Float64(dx), per_x, dr.fma(mi.Float64(dy), per_y, centre)))
         if self.kind == "OrthographicCamera":
-            return camera_ray(mi.Point3f(eye + on_plane), forward, 0, far)
+            return camera_ray(mi.Point3d(eye + on_plane), forward, 0, far)
         length = dr.norm(on_plane)  # of the direction whose component along the camera's z is 1
         d = on_plane / length
-        return camera_ray(mi.Point3f(eye), d, x0_y0_near.z * length, far * length)
+        return camera_ray(mi.Point3d(eye), d, x0_y0_near.z * mi.Float(length), far * mi.Float(length))
 
     def _affine_map(self) -> tuple[Any, ...]:
         """Constants of the direction, or of the origin, as an affine function of the position on the film."""
@@ -114,8 +111,9 @@ class Camera:
         corners = [centre + (x - middle_x) * per_x + (y - middle_y) * per_y for x in (0, width) for y in (0, height)]
         longest = max(np.linalg.norm(corners, axis=1)) if self.kind == "PerspectiveCamera" else 1.0
         self._eye, self._forward, self._blind = eye, forward, near * longest
-        vectors = (centre, per_x, per_y, eye, forward, (middle_x, middle_y, near))
-        return *(_opaque(mi.Vector3f, vector) for vector in vectors), _opaque(mi.Float, [far])
+        vectors = (centre, per_x, per_y, eye, forward)
+        on_film = _opaque(mi.Vector3f, (middle_x, middle_y, near)), _opaque(mi.Float, [far])
+        return *(_opaque(mi.Vector3d, vector) for vector in vectors), *on_film
 
     def _film_window(self) -> list[int]:
         """Size of the film, and where its crop window begins."""
@@ -136,14 +134,17 @@ class Camera:
 
 def camera_ray(o: Any, d: Any, near: Any, far: Any) -> Ray:
     """Make the ray that sees from `near` to `far`, both included."""
-    begin = near * (1 - _CLOSED) - _LEAST
-    return Ray(o, d, mi.Float(begin), mi.Float(far * (1 + _CLOSED)), mi.Vector3f(begin * d), mi.UInt32(NOTHING))
+    begin = near * (1 - _CLOSED) - LEAST
+    return Ray(
+        o, d, mi.Float(begin), mi.Float(far * (1 + _CLOSED)), mi.Vector3f(begin * mi.Vector3f(d)), mi.UInt32(NOTHING)
+    )
 
 
 def any_ray(ray: mi.Ray3f, origin: Any) -> Ray:
     """Make ours of a ray of Mitsuba's, relative to `origin`; its direction may have any length."""
-    length = dr.norm(ray.d)
-    return camera_ray(mi.Point3f(ray.o - origin), mi.Vector3f(ray.d * dr.rcp(length)), 0, ray.maxt * length)
+    d = mi.Vector3d(ray.d)
+    length = dr.norm(d)
+    return camera_ray(mi.Point3d(ray.o - origin), d / length, 0, ray.maxt * mi.Float(length))
 
 
 def _opaque(kind: Any, values: Any) -> Any:

@@ -64,6 +64,7 @@ class _Reader:
     def read(self, heard: list[tuple[str, dict[str, Any]]]) -> list[RaySeen]:
         readers: dict[str, Callable[..., None]] = {
             "ray": self._ray,
+            "emitted": self._emitted,
             "surface": self._surface,
             "ambient": self._ambient,
             "coefficients": self._coefficients,
@@ -80,16 +81,16 @@ class _Reader:
         self._rays.append(RaySeen(int(_number(k)), self._place(o), _numbers(d), _numbers(throughput)))
         self._o, self._d = o, d
 
-    def _surface(
-        self, met: Found, found: Any, p: Any, n: Any, n_g: Any, in_front: Any, behind: Any, emitted: Any
-    ) -> None:
+    def _emitted(self, colour: Any) -> None:
+        self._rays[-1].emitted = _numbers(colour)
+
+    def _surface(self, met: Found, found: Any, p: Any, n: Any, n_g: Any, facing: Any, lit: Any) -> None:
         ray = self._rays[-1]
-        ray.emitted = _numbers(emitted)
         if _number(found):
             ray.shape = self._name(met)
             ray.t = _number(dr.dot(p - self._o, self._d))
             ray.p, ray.n, ray.n_g = self._place(p), _numbers(n), _numbers(n_g)
-            ray.facing = bool(_number(in_front | behind))
+            ray.facing, ray.lit = bool(_number(facing)), bool(_number(lit))
         self._n, self._n_g = n, n_g
 
     def _ambient(self, colour: Any) -> None:
@@ -131,8 +132,8 @@ class _Reader:
             )
         )
 
-    def _sum(self, colour: Any, lit: Any = False) -> None:
-        self._rays[-1].colour, self._rays[-1].lit = _numbers(colour), bool(_number(lit))
+    def _sum(self, colour: Any) -> None:
+        self._rays[-1].colour = _numbers(colour)
 
     def _mirror(self, k_m: Any, r: Any, goes_on: Any) -> None:
         ray = self._rays[-1]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_whitted.scene_graph import SceneGraph
-from mitsuba_whitted.tables import column, fetch
+from mitsuba_whitted.tables import double_column, fetch
 from mitsuba_whitted.transforms import matrix_of, moved
 
 
@@ -18,28 +18,28 @@ class Placement(NamedTuple):
     """Where the instance of a hit stands; the identity for shapes that are no part of one."""
 
     to_world_rows: tuple[Any, Any, Any]
-    """Vector4f each: a row of the matrix."""
+    """Vector4d each: a row of the matrix."""
     to_local_rows: tuple[Any, Any, Any]
 
     def to_local(self, o: Any, d: Any, t: Any) -> tuple[Any, Any, Any]:
         """Bring a ray into the group's space, its direction again of unit length."""
-        d = mi.Vector3f(*(dr.dot(row.xyz, d) for row in self.to_local_rows))
+        d = mi.Vector3d(*(dr.dot(row.xyz, d) for row in self.to_local_rows))
         length = dr.norm(d)
-        return mi.Point3f(*(dr.dot(row.xyz, o) + row.w for row in self.to_local_rows)), d * dr.rcp(length), t * length
+        return mi.Point3d(*(dr.dot(row.xyz, o) + row.w for row in self.to_local_rows)), d * dr.rcp(length), t * length
 
     def to_world(self, p: Any, n: Any, n_g: Any, reach: Any) -> tuple[Any, Any, Any, Any]:
         """Bring a hit back; a normal goes by the inverse transposed, so that it stays on its side."""
         rows = self.to_world_rows
         return (
-            mi.Point3f(*(dr.dot(row.xyz, p) + row.w for row in rows)),
+            mi.Point3d(*(dr.dot(row.xyz, p) + row.w for row in rows)),
             self._normal(n),
             self._normal(n_g),
-            mi.Vector3f(*(dr.dot(dr.abs(row.xyz), reach) + dr.abs(row.w) for row in rows)),
+            mi.Vector3f(*(mi.Float(dr.dot(dr.abs(row.xyz), mi.Vector3d(reach)) + dr.abs(row.w)) for row in rows)),
         )
 
     def _normal(self, n: Any) -> Any:
         x, y, z = self.to_local_rows
-        return mi.Normal3f(dr.normalize(mi.Vector3f(n.x * x.xyz + n.y * y.xyz + n.z * z.xyz)))
+        return mi.Normal3d(n.x * x.xyz + n.y * y.xyz + n.z * z.xyz)
 
 
 class Instances:
@@ -48,8 +48,8 @@ class Instances:
     def __init__(self, graph: SceneGraph, centre: NDArray[np.float64]) -> None:
         placed = [matrix_of(graph.value(each, "to_world"), f"instance `{each.id()}`") for each in graph.instances]
         matrices = [np.eye(4), *(moved(matrix, -centre) for matrix in placed)]
-        self._to_world = column(matrix[:3].ravel() for matrix in matrices)
-        self._to_local = column(np.linalg.inv(matrix)[:3].ravel() for matrix in matrices)
+        self._to_world = double_column(matrix[:3].ravel() for matrix in matrices)
+        self._to_local = double_column(np.linalg.inv(matrix)[:3].ravel() for matrix in matrices)
 
     def placement(self, instance: Any, active: Any) -> Placement:
         """Transform of the instance with this number."""
@@ -57,5 +57,5 @@ class Instances:
 
     @staticmethod
     def _rows(table: Any, row: Any, active: Any) -> tuple[Any, Any, Any]:
-        x, y, z = (fetch(mi.Vector4f, table, 3 * row + i, active) for i in range(3))
+        x, y, z = (fetch(mi.Vector4d, table, 3 * row + i, active) for i in range(3))
         return x, y, z

@@ -59,9 +59,7 @@ class Lights:
         """Kind and, while they are part of the kernel one by one, the number of these lights."""
         return f"{self.count} {self.kind}" if self.count <= UNROLL else f"many {self.kind}"
 
-    def sum(
-        self, term: Callable[[Sample], tuple[Any, Any, Any]], p: Any, inverse_square: bool
-    ) -> tuple[Any, Any, Any]:
+    def sum(self, term: Callable[[Sample], tuple[Any, Any, Any]], p: Any, inverse_square: bool) -> tuple[Any, Any, Any]:
         """Add up the parts of `term`, a Spectrum and two counts, over all lights as seen from the point `p`."""
 
         def add(i: Any, *sums: Any) -> tuple[Any, ...]:
@@ -85,7 +83,7 @@ class Lights:
             return Sample(vector(0), colour, mi.Float(dr.inf), mi.Bool(True), mi.Float(dr.inf), name)
 
         position = vector(0)
-        to_light = position - mi.Vector3f(p)
+        to_light = mi.Vector3f(mi.Point3d(position) - p)
         distance = dr.norm(to_light)
         away = distance > 0
         l = dr.select(away, to_light * dr.rcp(distance), 0)  # noqa: E741

@@ -54,14 +54,14 @@ class Meshes:
                 first_face += len(part.faces)
                 first_vertex += len(part.positions)
         self._rows = index_column(rows)
-        self._faces = stored(mi.UInt32, np.concatenate(faces))
-        self._positions = stored(mi.Float, np.concatenate([part.positions for part in meshes]))
-        self._planes = stored(mi.Float, np.concatenate([part.planes() for part in meshes]))
+        self._faces = stored(np.concatenate(faces))
+        self._positions = stored(np.concatenate([part.positions for part in meshes]))
+        self._planes = stored(np.concatenate([part.planes() for part in meshes]))
         if self.smooth:
-            self._normals = stored(mi.Float, np.concatenate([part.padded(part.normals, 3) for part in meshes]))
+            self._normals = stored(np.concatenate([part.padded(part.normals, 3) for part in meshes]))
         self._has_texcoords = any(len(part.texcoords) for part in meshes)
         if self._has_texcoords:
-            self._texcoords = stored(mi.Float, np.concatenate([part.padded(part.texcoords, 2) for part in meshes]))
+            self._texcoords = stored(np.concatenate([part.padded(part.texcoords, 2) for part in meshes]))
 
     def hit(self, face: Any, o: Any, d: Any, shape: Any, with_uv: bool, active: Any) -> MeshHit:
         """Compute the hit on triangle number `face` of mesh `shape` by the ray from `o` along `d`."""
@@ -69,27 +69,31 @@ class Meshes:
         flags = row.y
         face = row.x + face
         corner = fetch(mi.Vector3u, self._faces, face, active)
-        plane = fetch(mi.Vector4f, self._planes, face, active)
-        n_g = mi.Normal3f(plane.xyz)
-        v0 = fetch(mi.Point3f, self._positions, corner.x, active)
-        p = mi.Point3f(precise.plane_point(o, d, v0, n_g))
+        plane = fetch(mi.Vector4d, self._planes, face, active)
+        n_g = mi.Normal3d(plane.xyz)
+        v0 = self._vertex(corner.x, active)
+        p = mi.Point3d(precise.plane_point(o, d, v0, n_g))
         n, uv = n_g, mi.Point2f(0)
 
         if self.smooth or with_uv:
-            v1 = fetch(mi.Point3f, self._positions, corner.y, active)
-            v2 = fetch(mi.Point3f, self._positions, corner.z, active)
+            v1, v2 = self._vertex(corner.y, active), self._vertex(corner.z, active)
             beta, gamma = precise.barycentric(p, v0, v1, v2)
         if self.smooth:
-            n_i = [fetch(mi.Normal3f, self._normals, corner[i], active) for i in range(3)]
-            smooth = mi.Normal3f(dr.normalize(_interpolate(beta, gamma, *n_i)))
+            n_i = [mi.Normal3d(fetch(mi.Normal3f, self._normals, corner[i], active)) for i in range(3)]
+            smooth = mi.Normal3d(_interpolate(beta, gamma, *n_i))
             n = dr.select((flags & _SMOOTH) != 0, smooth, n)
         if with_uv:
+            beta, gamma = mi.Float(beta), mi.Float(gamma)
             uv = mi.Point2f(beta, gamma)
             if self._has_texcoords:
                 uv_i = [fetch(mi.Point2f, self._texcoords, corner[i], active) for i in range(3)]
                 uv = dr.select((flags & _TEXCOORDS) != 0, _interpolate(beta, gamma, *uv_i), uv)
-        sign = dr.select((flags & _FLIPPED) != 0, mi.Float(-1), mi.Float(1))
-        return MeshHit(p, n, n_g, uv, sign, mi.Vector3f(plane.w * dr.abs(n_g)))  # sum |n_i| reach_i = plane.w
+        sign = dr.select((flags & _FLIPPED) != 0, mi.Float64(-1), mi.Float64(1))
+        reach = mi.Vector3f(plane.w * dr.abs(n_g))  # sum |n_i| reach_i = plane.w
+        return MeshHit(p, n, n_g, uv, sign, reach)
+
+    def _vertex(self, number: Any, active: Any) -> Any:
+        return mi.Point3d(fetch(mi.Point3f, self._positions, number, active))
 
 
 _SMOOTH, _TEXCOORDS, _FLIPPED = 1, 2, 4

@@ -236,9 +236,7 @@ def _newell(ring: Array) -> Array:
         normals = np.cross(spoke, spokes[second:])
         sides = [np.linalg.norm(side, axis=1) for side in (spokes[second:], spokes[second:] - spoke)]
         longest = np.max([*sides, np.full_like(sides[0], np.linalg.norm(spoke))], axis=0)
-        third = np.flatnonzero(
-            np.linalg.norm(normals, axis=1) > noise * longest
-        )  # a triangle higher than that
+        third = np.flatnonzero(np.linalg.norm(normals, axis=1) > noise * longest)  # a triangle higher than that
         if third.size:
             first_normal: Array = normals[third[0]]
             return first_normal

@@ -1,7 +1,10 @@
-"""Every remedy against float32 rounding, each with its error bound; u = 2^-24 is the unit roundoff.
+"""Every remedy against rounding, each with its error bound; u = 2^-24 is the unit roundoff of single precision.
 
-Embree says which primitive a ray meets first; where the ray meets it is computed here again, from the
-primitive's own numbers. Then no error of a bounce reaches the next but through the ray itself.
+A search, Embree's or ours, works in single precision and says which primitive a ray meets first. Where the ray meets
+it is computed here again, in double and from the primitive's own numbers, and so are the normal and the ray that a
+mirror sends on: no error of a search or of a bounce reaches the next, and a chain of mirrors loses 29 bits less than
+single precision would. What a colour is made of (l, h, n.l, (n.h)^p) is then single again. Doubles cost about a tenth
+of a frame (`whitted benchmark speed`): few formulas hold them, and these need no other remedy.
 """
 
 from __future__ import annotations
@@ -9,6 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 import drjit as dr
+import mitsuba as mi
 
 UNIT_ROUNDOFF = 2.0**-24
 """Largest relative error of one rounding to float32."""
@@ -16,77 +20,65 @@ UNIT_ROUNDOFF = 2.0**-24
 OFFSET_ROUNDOFFS = 8
 """Offset of a ray's start, in unit roundoffs of ``sum |n_i| reach_i``.
 
-A refined point is off its plane by at most 4 u of that sum: the product with n and the difference in each of
-the two projection steps round once, and the sum of three products twice. Embree's own test of the offset ray
-against the plane that it left errs by as much again.
+A point rounded to single is off its plane by u of that sum, and by as much again once it is shifted. Embree's own
+test of the offset ray against the plane that it left (difference 1, dot product 3) errs by another 4 u, and the normal
+that the shift goes along is rounded too.
 """
 
-LEAST_COSINE = 16 * UNIT_ROUNDOFF
-"""Least cosine between a ray and the normal of a round surface where Embree says that they meet.
+LEAST = 2.0**-126
+"""The least float32 that is never rounded to 0."""
 
-Past the outline by less than rounding, the exact surface is missed: the normal would be square to the ray, its
-front a matter of luck, and the pixel black between two that are lit. A unit normal (3 roundings), the ray's
-direction (3) and their product (3) cannot hide 16 u; the point moves by no more than 16 u of the radius.
+LEAST_CHORD = 16 * 2.0**-53
+"""Least half chord of a ray in a round surface that a search says it meets, in units of radius and distance.
+
+Past the outline by less than the search rounds, the exact surface is missed: the normal would be square to the ray,
+its front a matter of luck, and the pixel black between two that are lit. In double, the foot of the perpendicular
+(difference 1, product 4, sum 1) and its product with the direction (4) cannot hide 16 roundings.
 """
 
-
-def two_difference(a: Any, b: Any) -> tuple[Any, Any]:
-    """Split a - b exactly into a rounded difference and its rounding error (Knuth 1969, TwoSum)."""
-    s = a - b
-    a_part = s + b
-    b_part = a_part - s
-    return s, (a - a_part) - (b - b_part)
+SEARCHED = 16 * UNIT_ROUNDOFF
+"""How far off the distance is that a search tells, in units of radius and distance: a few roundings."""
 
 
 def sphere_normal(o: Any, d: Any, c: Any, r: Any, t: Any) -> Any:
-    """Find the unit vector from the centre `c` to where the ray `o` + s `d` meets the sphere, s close to `t`.
+    """Find the vector from the centre `c` to where the ray `o` + s `d` meets the sphere, s close to `t`.
 
-    The foot of the perpendicular from the centre replaces the textbook's quadratic, whose discriminant loses
-    all digits once |o - c| / r exceeds 1 / sqrt(u) = 4096 (Haines, Günther, Akenine-Möller, *Ray Tracing
-    Gems* 7, 2019). The difference o - c is kept exactly, and a second projection removes what the first has
-    left along d, so that the foot is right to a few u of its own length, not of the distance.
+    Its length is `r`. The foot of the perpendicular from the centre replaces the textbook's quadratic, whose
+    discriminant loses twice the digits of |o - c| / r (Haines, Günther, Akenine-Möller, *Ray Tracing Gems* 7, 2019).
     """
-    oc, oc_error = two_difference(o, c)
+    oc = o - c
     b = -dr.dot(oc, d)
-    foot = dr.fma(b, d, oc) + oc_error
-    foot = dr.fma(-dr.dot(foot, d), d, foot)
-    half_chord = dr.sqrt(dr.maximum(r * r - dr.squared_norm(foot), LEAST_COSINE**2 * r * r))
-    return dr.normalize(dr.fma(dr.select(_is_near(t, b, r), -half_chord, half_chord), d, foot))
+    foot = dr.fma(b, d, oc)
+    half_chord = dr.maximum(dr.safe_sqrt(r * r - dr.squared_norm(foot)), LEAST_CHORD * (r + dr.abs(b)))
+    return dr.fma(dr.select(_is_near(t, b, r), -half_chord, half_chord), d, foot)
 
 
 def _is_near(t: Any, b: Any, r: Any) -> Any:
-    """Whether `t` is the nearer of the two hits about the foot at `b`; the nearer too where they are as good as one.
-
-    Both numbers carry a few u of themselves, and near the outline the two hits are closer than that.
-    """
-    return t < b + LEAST_COSINE * (r + dr.abs(b))
+    """Whether `t` is the nearer of the two hits about the foot at `b`; the nearer too where they are as good as one."""
+    return t < b + SEARCHED * (r + dr.abs(b))
 
 
 def cylinder_point(o: Any, d: Any, a: Any, axis: Any, r: Any, t: Any) -> tuple[Any, Any]:
-    """Hit point on the cylinder of radius `r` about the line through `a`, and the unit vector off that line.
+    """Hit point on the cylinder of radius `r` about the line through `a`, and the vector to it from that line.
 
     The sphere's argument in the plane across the unit vector `axis`; the height along it follows from the ray.
     """
-    oa, oa_error = two_difference(o, a)
+    oa = o - a
     d_across = dr.fma(-dr.dot(d, axis), axis, d)
-    o_across = dr.fma(-dr.dot(oa, axis), axis, oa) + oa_error
+    o_across = dr.fma(-dr.dot(oa, axis), axis, oa)
     inv_d2 = dr.rcp(dr.squared_norm(d_across))
     b = -dr.dot(o_across, d_across) * inv_d2
     foot = dr.fma(b, d_across, o_across)
-    foot = dr.fma(-dr.dot(foot, d_across) * inv_d2, d_across, foot)
-    half_chord = dr.sqrt(dr.maximum(r * r - dr.squared_norm(foot), LEAST_COSINE**2 * r * r) * inv_d2)
+    half_chord = dr.maximum(dr.safe_sqrt((r * r - dr.squared_norm(foot)) * inv_d2), LEAST_CHORD * (r + dr.abs(b)))
     step = dr.select(_is_near(t, b, r), -half_chord, half_chord)
-    across = dr.fma(step, d_across, foot)
-    n = dr.normalize(dr.fma(-dr.dot(across, axis), axis, across))
-    height = dr.fma(b + step, dr.dot(d, axis), dr.dot(oa, axis))
-    return a + dr.fma(height, axis, r * n), n
+    return dr.fma(b + step, d, o), dr.fma(step, d_across, foot)
 
 
 def plane_point(o: Any, d: Any, a: Any, n: Any) -> Any:
     """Where the ray meets the plane through `a` with unit normal `n`.
 
-    The second line pulls the point back onto the plane: without it the error of t, u |t|, stands along d and
-    so off the plane; with it a few u of sum |n_i| max(|a_i|, |p_i|) are left, however far the ray has come.
+    The second line pulls the point back onto the plane: what lies exactly in a plane across an axis, such as a lamp in
+    the floor, then is neither above nor below it.
     """
     p = dr.fma(dr.dot(a - o, n) * dr.rcp(dr.dot(d, n)), d, o)
     return dr.fma(-dr.dot(p - a, n), n, p)
@@ -101,13 +93,17 @@ def barycentric(p: Any, v0: Any, v1: Any, v2: Any) -> tuple[Any, Any]:
 
 
 def mirrored(d: Any, n: Any) -> Any:
-    """Direction d - 2 (d.n) n of the ray that a mirror sends on (Shirley et al., section 4.8), of unit length.
+    """Direction d - 2 (d.n) n of the ray that a mirror sends on (Shirley et al., section 4.8), for `n` of any length.
 
-    Divided by n.n, which is 1 but for the rounding of n. Left in, that rounding is the same at every bounce, turns
-    all of them the same way, and moves the 64th hit inside a mirroring ball three times further off.
+    As long as `d`, but for a few roundings a bounce.
     """
-    n_n = dr.maximum(dr.squared_norm(n), 0.5)  # where nothing was hit n is 0
-    return dr.normalize(dr.fma(-2 * dr.dot(d, n) / n_n, n, d))
+    n_n = dr.maximum(dr.squared_norm(n), LEAST)  # where nothing was hit n is 0
+    return dr.fma(-2 * dr.dot(d, n) * dr.rcp(n_n), n, d)
+
+
+def unit(n: Any) -> Any:
+    """Make the unit vector along `n`, rounded to single precision."""
+    return mi.Normal3f(dr.normalize(mi.Normal3f(n)))
 
 
 def ray_offset(n_g: Any, d: Any, reach: Any, least: Any) -> tuple[Any, Any]:
@@ -132,6 +128,9 @@ def ray_offset(n_g: Any, d: Any, reach: Any, least: Any) -> tuple[Any, Any]:
 SHADOW_END = 1 - 4 * UNIT_ROUNDOFF
 """A shadow ray ends this much before its light: the distance (a norm, a root) carries fewer than 4 roundings."""
 
+LEAST_POWER = -150
+"""2 to this is less than half the least float32. Dr.Jit's exp2 of Python numbers goes wrong near -1024."""
+
 SERIES_BELOW = 0.01
 """Below this y the logarithm of 1 - y is a series: its fifth term, y^5 / 5, is then below u y / 29."""
 
@@ -149,4 +148,4 @@ def specular_power(n: Any, h: Any, exponent: Any) -> Any:
     y = dr.squared_norm(n - h) * 0.5
     series = -y * dr.fma(y, dr.fma(y, dr.fma(y, 0.25, 1 / 3), 0.5), 1.0)
     log2 = dr.select(y < SERIES_BELOW, series * dr.inv_log_two, dr.log2(dr.maximum(1 - y, 0)))
-    return dr.select(y < 1, dr.exp2(exponent * log2), 0)
+    return dr.select(y < 1, dr.exp2(dr.maximum(exponent * log2, LEAST_POWER)), 0)

@@ -12,10 +12,12 @@ NOTHING = 2**32 - 1
 
 
 class Ray(NamedTuple):
-    """The points o + s d with begin < s < end, but for the surface that the ray leaves."""
+    """The points o + s d with begin < s < end, but for the surface that the ray leaves.
+
+    Origin and direction are in double: a hit is computed from them. A search takes them `rounded`.
+    """
 
     o: Any
-    """True origin: a hit point is computed from it."""
     d: Any
     """Unit length."""
     begin: Any
@@ -25,10 +27,14 @@ class Ray(NamedTuple):
     own: Any
     """Row of the shape that the ray leaves: it cannot be met again where the ray begins."""
 
+    def rounded(self) -> Ray:
+        """Round origin and direction to single precision."""
+        return self._replace(o=mi.Point3f(self.o), d=mi.Vector3f(self.d))
+
     def from_shifted(self) -> tuple[mi.Ray3f, Any]:
-        """Make the ray that begins at the shifted origin, and say how much further along it begins."""
+        """Make, of a rounded ray, that which begins at the shifted origin, and say how much further along it begins."""
         lead = dr.dot(self.shift, self.d)
-        return mi.Ray3f(self.o + self.shift, mi.Vector3f(self.d), mi.Float(self.end - lead), 0, []), lead
+        return mi.Ray3f(self.o + self.shift, self.d, mi.Float(self.end - lead), 0, []), lead
 
 
 class Found(NamedTuple):

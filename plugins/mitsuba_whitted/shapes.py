@@ -85,7 +85,7 @@ def row_of(graph: SceneGraph, shape: mi.Shape, centre: Vector) -> Row:
     linear, origin = matrix[:3, :3], matrix[:3, 3] - centre
     to_local: NDArray[Any] = np.linalg.inv(linear)
 
-    radius = float(np.linalg.norm(linear[:, 0]))
+    radius = _single_length(linear[:, 0]) if kind == Kind.SPHERE else float(np.linalg.norm(linear[:, 0]))
     normal = linear[:, 2]
     if kind in PLANES:
         normal = np.array(to_world.inverse_transpose, float).reshape(4, 4)[:3, 2]
@@ -94,3 +94,11 @@ def row_of(graph: SceneGraph, shape: mi.Shape, centre: Vector) -> Row:
     if kind == Kind.CYLINDER and np.linalg.det(linear) < 0:
         flipped = -flipped  # Mitsuba notes the mirror as a flip, to keep the normal outward
     return Row(kind, origin, normal / np.linalg.norm(normal), radius, flipped, reach, to_local)
+
+
+def _single_length(v: Vector) -> float:
+    """Length of a vector of float32 numbers as Mitsuba computes a radius: in single precision, fused as Dr.Jit does."""
+    square = np.float32(0)
+    for x in v:
+        square = np.float32(x * x + float(square))
+    return float(np.sqrt(square))

@@ -18,11 +18,11 @@ from mitsuba_whitted.meshes import Meshes
 from mitsuba_whitted.ray import Found, Ray
 from mitsuba_whitted.scene_graph import SceneGraph
 from mitsuba_whitted.shapes import PLANES, Kind, row_of
-from mitsuba_whitted.tables import column, fetch, opaque
+from mitsuba_whitted.tables import column, double_column, fetch, opaque
 
 
 class Hit(NamedTuple):
-    """A hit point and what stands there. Normals have unit length and are on the shape's own front side."""
+    """A hit point and what stands there, in double. Normals have any length, and are on the shape's own front side."""
 
     shape: Any
     """Row of the shape in the tables."""
@@ -57,8 +57,8 @@ class Surfaces:
         self._searches: list[Few | Accel] = [self.few] if few else []
         if self.searched:
             self._searches.append(Accel(graph, shapes, few, self.centre))
-        self._a_r = column([*row.a, row.r] for row in rows)
-        self._b_sign = column([*row.b, row.sign] for row in rows)
+        self._a_r = double_column([*row.a, row.r] for row in rows)
+        self._b_sign = double_column([*row.b, row.sign] for row in rows)
         self._reach_kind = column([*row.reach, row.kind] for row in rows)
         self._to_local = column(axis for row in rows for axis in row.to_local)
 
@@ -78,14 +78,16 @@ class Surfaces:
         """
         if Kind.CYLINDER not in self.kinds:
             return ray
-        low, high = ((corner - ray.o) * dr.rcp(ray.d) for corner in self._corners)
+        o, d = ray.rounded()[:2]
+        low, high = ((corner - o) * dr.rcp(d) for corner in self._corners)
         enters = dr.max(dr.minimum(low, high)) * (1 - 8 * precise.UNIT_ROUNDOFF)  # two roundings, with room
-        begin = dr.dot(ray.shift, ray.d)
+        begin = dr.dot(ray.shift, d)
         lead = dr.select(enters > begin, enters - begin, 0)  # a ray inside a face of the box: NaN, no lead
-        return ray._replace(shift=mi.Vector3f(dr.fma(lead, ray.d, ray.shift)))
+        return ray._replace(shift=mi.Vector3f(dr.fma(lead, d, ray.shift)))
 
     def first_hit(self, ray: Ray, active: Any, inside: bool = True) -> Found:
         """Find the primitive that the ray meets first; `inside` says whether it may begin inside a ball."""
+        ray = ray.rounded()
         found = Found.nothing(ray)
         for search in self._searches:
             found = search.first(ray, found, active, inside)
@@ -93,6 +95,7 @@ class Surfaces:
 
     def blocked(self, ray: Ray, active: Any, inside: bool = True) -> Any:
         """Whether anything lies on the ray."""
+        ray = ray.rounded()
         blocked = mi.Bool(False)
         for search in self._searches:
             blocked |= search.blocked(ray, active & (blocked ^ True), inside)
@@ -106,29 +109,29 @@ class Surfaces:
             placement = self.instances.placement(found.instance, valid)
             o, d, t = placement.to_local(o, d, t)
 
-        sign = mi.Float(1)
+        sign = mi.Float64(1)
         reach_kind = fetch(mi.Vector4f, self._reach_kind, shape, valid)
         reach, kind = mi.Vector3f(reach_kind.xyz), reach_kind.w
-        p, n, n_g, uv = mi.Point3f(0), mi.Normal3f(0), mi.Normal3f(0), mi.Point2f(0)
+        p, n, n_g, uv = mi.Point3d(0), mi.Normal3d(0), mi.Normal3d(0), mi.Point2f(0)
 
         if self.kinds - {Kind.MESH}:
-            a_r = fetch(mi.Vector4f, self._a_r, shape, valid)
-            b_sign = fetch(mi.Vector4f, self._b_sign, shape, valid)
-            a, r = mi.Point3f(a_r.xyz), a_r.w
-            b, sign = mi.Normal3f(b_sign.xyz), b_sign.w
+            a_r = fetch(mi.Vector4d, self._a_r, shape, valid)
+            b_sign = fetch(mi.Vector4d, self._b_sign, shape, valid)
+            a, r = mi.Point3d(a_r.xyz), a_r.w
+            b, sign = mi.Normal3d(b_sign.xyz), b_sign.w
             if self.kinds & PLANES:
-                p, n = mi.Point3f(precise.plane_point(o, d, a, b)), b
+                p, n = mi.Point3d(precise.plane_point(o, d, a, b)), b
             if Kind.SPHERE in self.kinds:
-                outward = mi.Normal3f(precise.sphere_normal(o, d, a, r, t))
-                p = dr.select(kind == float(Kind.SPHERE), mi.Point3f(dr.fma(r, outward, a)), p)
+                outward = mi.Normal3d(precise.sphere_normal(o, d, a, r, t))
+                p = dr.select(kind == float(Kind.SPHERE), a + outward, p)
                 n = dr.select(kind == float(Kind.SPHERE), outward, n)
             if Kind.CYLINDER in self.kinds:
                 on_cylinder, outward = precise.cylinder_point(o, d, a, b, r, t)
-                p = dr.select(kind == float(Kind.CYLINDER), mi.Point3f(on_cylinder), p)
-                n = dr.select(kind == float(Kind.CYLINDER), mi.Normal3f(outward), n)
+                p = dr.select(kind == float(Kind.CYLINDER), mi.Point3d(on_cylinder), p)
+                n = dr.select(kind == float(Kind.CYLINDER), mi.Normal3d(outward), n)
             n_g = n
             if with_uv:
-                uv = self._texture_coordinates(kind, p - a, shape, valid)
+                uv = self._texture_coordinates(kind, mi.Vector3f(p - a), shape, valid)
 
         if Kind.MESH in self.kinds:
             here = valid & (kind == float(Kind.MESH))

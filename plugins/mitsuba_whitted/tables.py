@@ -12,24 +12,32 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 
 def column(rows: Iterable[Any]) -> Any:
     """Store rows of floats one after another as float32."""
-    return stored(mi.Float, np.array(list(rows), np.float32))
+    return stored(np.array(list(rows), np.float32))
+
+
+def double_column(rows: Iterable[Any]) -> Any:
+    """Store rows of floats one after another as float64."""
+    return stored(np.array(list(rows), np.float64))
 
 
 def index_column(rows: Iterable[Any]) -> Any:
     """Store rows of unsigned integers one after another."""
-    return stored(mi.UInt32, np.array(list(rows), np.uint32))
+    return stored(np.array(list(rows), np.uint32))
 
 
-def stored(kind: Any, rows: Any) -> Any:
-    """Store rows, (n, width), flat, where a kernel finds them; plain Python numbers in scalar variants.
+def stored(rows: NDArray[Any]) -> Any:
+    """Store rows, (n, width) of float32, float64 or uint32, flat, where a kernel finds them.
 
-    A row of three takes the place of four: the processor then loads it at once, and not number by number.
+    A row of three takes the place of four: the processor then loads it at once, and not number by number. Scalar
+    variants get plain Python numbers.
     """
-    values = np.ascontiguousarray(rows, np.uint32 if kind is mi.UInt32 else np.float32)
+    kind: Any = {"float32": mi.Float, "float64": mi.Float64, "uint32": mi.UInt32}[rows.dtype.name]
+    values = np.ascontiguousarray(rows)
     if values.shape[-1] == 3:
         values = np.pad(values, ((0, 0), (0, 1)))
     if not dr.is_jit_v(mi.Float):
@@ -56,7 +64,7 @@ def fetch(kind: Any, table: Any, row: Any, active: Any = True) -> Any:
     width = max(1, dr.size_v(kind)) if dr.depth_v(kind) else 1
     if dr.is_jit_v(mi.Float):
         if width == 3:
-            four: Any = mi.Vector4u if dr.is_unsigned_v(kind) else mi.Vector4f
+            four = {dr.VarType.UInt32: mi.Vector4u, dr.VarType.Float64: mi.Vector4d}.get(dr.type_v(kind), mi.Vector4f)
             return kind(dr.gather(four, table, mi.UInt32(row), active).xyz)
         return dr.gather(kind, table, mi.UInt32(row), active)
     if not active:

@@ -12,7 +12,7 @@ from mitsuba_whitted import precise
 from mitsuba_whitted.lights import Sample
 from mitsuba_whitted.materials import Coefficient
 from mitsuba_whitted.plan import Plan
-from mitsuba_whitted.ray import NOTHING, Ray
+from mitsuba_whitted.ray import NOTHING, Found, Ray
 from mitsuba_whitted.stage import Stage
 from mitsuba_whitted.surfaces import Hit
 
@@ -118,7 +118,8 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
     colour = mi.Spectrum(0)
     if not plan.shapes:
         if plan.background:
-            colour = dr.select(sees_lamps, stage.background(ray.d, sees_lamps), 0)
+            colour = dr.select(sees_lamps, stage.background(mi.Vector3f(ray.d), sees_lamps), 0)
+        note("emitted", colour=colour)
         note("sum", colour=colour)
         return chain._replace(colour=colour)
 
@@ -126,45 +127,120 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
     found = chain.active & met.valid
     if plan.background:
         missed = sees_lamps & (found ^ True)
-        colour = dr.select(missed, stage.background(ray.d, missed), colour)
+        colour = dr.select(missed, stage.background(mi.Vector3f(ray.d), missed), colour)
 
-    hit = stage.surfaces.hit(met, ray, plan.textured)
-    v = -ray.d
+    note("emitted", colour=colour)
+    if not plan.mirrors:
+
+        def shaded() -> tuple[Any, Any, Any]:
+            return _shaded(stage, plan, chain, _surface(stage, plan, chain, met, found, note), colour, note)
+
+        # A branch: a vector of rays that all miss does nothing more. Inside a loop Dr.Jit nests no branches.
+        missed = (colour, mi.UInt32(0), chain.path)
+        colour, shadow_rays, path = dr.if_stmt((), found, shaded, lambda: missed, label="surface")
+        note("sum", colour=colour)
+        return chain._replace(colour=colour, hit=found, shadow_rays=shadow_rays, path=path)
+
+    surface = _surface(stage, plan, chain, met, found, note)
+    colour, shadow_rays, path = _shaded(stage, plan, chain, surface, colour, note)
+    note("sum", colour=colour)
+    k_m = surface.coefficient(stage.materials.k_m)
+    throughput = chain.throughput * k_m
+    r = mi.Vector3d(precise.mirrored(ray.d, surface.hit.n))
+    goes_on = surface.lit & dr.any(throughput != 0) & (dr.dot(surface.hit.n_g, r) > 0)
+    # Only with max_depth = -1 the two limits can end a chain: see Stage.
+    passes = (depth <= stage.last_ray) & dr.any(throughput >= stage.least_throughput)
+    cut = goes_on & (passes ^ True)
+    goes_on &= passes
+    mirrored = _leaving(stage, plan, surface.hit, surface.n_g, r, mi.Float(dr.inf))
+    note("mirror", k_m=k_m, r=r, goes_on=goes_on)
+    return _Chain(
+        k=depth,
+        **mirrored._asdict(),
+        throughput=throughput,
+        colour=dr.select(chain.active, dr.fma(chain.throughput, colour, chain.colour), chain.colour),
+        hit=chain.hit | (found & (chain.k == 0)),
+        shadow_rays=chain.shadow_rays + shadow_rays,
+        mirror_rays=chain.mirror_rays + dr.select(goes_on, mi.UInt32(1), mi.UInt32(0)),
+        path=dr.select(chain.active, path, chain.path),
+        cut_rays=chain.cut_rays + dr.select(cut, mi.UInt32(1), mi.UInt32(0)),
+        active=goes_on,
+    )
+
+
+class _Surface(NamedTuple):
+    """What a ray has met, seen from its side."""
+
+    found: Any
+    hit: Hit
+    """In double; where a back is seen, its normals are turned to it."""
+    n: Any
+    """Unit normals in single precision: where rays go is told in double, light and colour are single."""
+    n_g: Any
+    v: Any
+    """Unit vector back along the ray."""
+    in_front: Any
+    behind: Any
+    lit: Any
+    """Whether light is reflected here."""
+    material: Any
+    """Row of the material on this side."""
+    si: Any
+    """As much of Mitsuba's record as a texture reads; None where none is read."""
+
+    def coefficient(self, k: Coefficient) -> Any:
+        """Look up k_d, k_s, ... here."""
+        return k.at(self.material, self.si, self.lit)
+
+
+def _surface(stage: Stage, plan: Plan, chain: _Chain, met: Found, found: Any, note: Note) -> _Surface:
+    """Compute the hit, and turn it to the side that is seen."""
+    hit = stage.surfaces.hit(met, chain.ray, plan.textured)
+    v = -chain.d
     in_front = found & (dr.dot(hit.n, v) > 0) & (dr.dot(hit.n_g, v) > 0)
     behind = mi.Bool(False)
-    n, n_g = hit.n, hit.n_g
     if plan.two_sided:
-        behind = found & (dr.dot(n, v) < 0) & (dr.dot(n_g, v) < 0)
-        n, n_g = dr.select(behind, -n, n), dr.select(behind, -n_g, n_g)
-    si = _surface_interaction(hit) if plan.textured else None
-    if plan.emission:
-        shines = sees_lamps & in_front
-        colour = dr.select(shines, stage.emission.at(hit.shape, si, shines), colour)
-
-    note("surface", met=met, found=found, p=hit.p, n=n, n_g=n_g, in_front=in_front, behind=behind, emitted=colour)
-
-    lit = (in_front | behind) & (depth < stage.max_depth)
+        behind = found & (dr.dot(hit.n, v) < 0) & (dr.dot(hit.n_g, v) < 0)
+        hit = hit._replace(n=dr.select(behind, -hit.n, hit.n), n_g=dr.select(behind, -hit.n_g, hit.n_g))
+    n, n_g = precise.unit(hit.n), precise.unit(hit.n_g)
+    lit = (in_front | behind) & (chain.k + 1 < stage.max_depth)
+    note("surface", met=met, found=found, p=hit.p, n=n, n_g=n_g, facing=in_front | behind, lit=lit)
     material = stage.materials.row_of(hit.shape, behind, lit)
+    si = _surface_interaction(hit) if plan.textured else None
+    return _Surface(found, hit, n, n_g, mi.Vector3f(v), in_front, behind, lit, material, si)
 
-    def coefficient(k: Coefficient) -> Any:
-        return k.at(material, si, lit)
 
+def _shaded(
+    stage: Stage, plan: Plan, chain: _Chain, surface: _Surface, colour: Any, note: Note
+) -> tuple[Any, Any, Any]:
+    """Add emission, ambient light and all lights to a colour (Shirley et al. 2009, section 4.5).
+
+    Returns
+    -------
+    tuple
+        Colour, number of shadow rays, and number of the path with what was met here.
+    """
+    hit, n, n_g, v = surface.hit, surface.n, surface.n_g, surface.v
+    if plan.emission:
+        shines = surface.in_front & (chain.k < stage.max_depth)
+        colour = dr.select(shines, stage.emission.at(hit.shape, surface.si, shines), colour)
+        note("emitted", colour=colour)
     if plan.ambient:
-        ambient = dr.select(lit, coefficient(stage.materials.k_a) * stage.ambient, 0)
+        ambient = dr.select(surface.lit, surface.coefficient(stage.materials.k_a) * stage.ambient, 0)
         note("ambient", colour=ambient)
-        colour += ambient
+        colour = colour + ambient
 
-    path = _joined(chain.path, dr.select(found, 2 * hit.shape + dr.select(behind, mi.UInt32(2), mi.UInt32(1)), 0))
+    side = dr.select(surface.behind, mi.UInt32(2), mi.UInt32(1))
+    path = _joined(chain.path, dr.select(surface.found, 2 * hit.shape + side, 0))
     if plan.textured:
-        for number in stage.squares(hit, material, found):
+        for number in stage.squares(hit, surface.material, surface.found):
             path = _joined(path, number)
     shadow_rays, seen = mi.UInt32(0), mi.UInt32(0)
     if plan.lights:
-        k_d = coefficient(stage.materials.k_d) if plan.diffuse else mi.Spectrum(0)
-        k_s = coefficient(stage.materials.k_s) if plan.specular else mi.Spectrum(0)
-        exponent = coefficient(stage.materials.exponent) if plan.specular else mi.Float(0)
-        reflects = lit & dr.any((k_d + k_s) > 0)
-
+        k_d = surface.coefficient(stage.materials.k_d) if plan.diffuse else mi.Spectrum(0)
+        k_s = surface.coefficient(stage.materials.k_s) if plan.specular else mi.Spectrum(0)
+        exponent = surface.coefficient(stage.materials.exponent) if plan.specular else mi.Float(0)
+        reflects = surface.lit & dr.any((k_d + k_s) > 0)
         note("coefficients", k_d=k_d, k_s=k_s, exponent=exponent)
 
         def contribution(light: Sample) -> tuple[Any, Any, Any]:
@@ -192,36 +268,10 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
 
         for lights in stage.lights:
             light_sum, asked, names = lights.sum(contribution, hit.p, plan.inverse_square)
-            colour += light_sum
+            colour = colour + light_sum
             shadow_rays += asked
             seen += names
-    path = _joined(path, seen)
-    note("sum", lit=lit, colour=colour)
-    if not plan.mirrors:
-        return chain._replace(colour=colour, hit=found, shadow_rays=shadow_rays, path=path)
-
-    k_m = coefficient(stage.materials.k_m)
-    throughput = chain.throughput * k_m
-    r = mi.Vector3f(precise.mirrored(ray.d, n))
-    goes_on = lit & dr.any(throughput != 0) & (dr.dot(n_g, r) > 0)
-    # Only with max_depth = -1 the two limits can end a chain: see Stage.
-    passes = (depth <= stage.last_ray) & dr.any(throughput >= stage.least_throughput)
-    cut = goes_on & (passes ^ True)
-    goes_on &= passes
-    mirrored = _leaving(stage, plan, hit, n_g, r, mi.Float(dr.inf))
-    note("mirror", k_m=k_m, r=r, goes_on=goes_on)
-    return _Chain(
-        k=depth,
-        **mirrored._asdict(),
-        throughput=throughput,
-        colour=dr.select(chain.active, dr.fma(chain.throughput, colour, chain.colour), chain.colour),
-        hit=chain.hit | (found & (chain.k == 0)),
-        shadow_rays=chain.shadow_rays + shadow_rays,
-        mirror_rays=chain.mirror_rays + dr.select(goes_on, mi.UInt32(1), mi.UInt32(0)),
-        path=dr.select(chain.active, path, chain.path),
-        cut_rays=chain.cut_rays + dr.select(cut, mi.UInt32(1), mi.UInt32(0)),
-        active=goes_on,
-    )
+    return colour, shadow_rays, _joined(path, seen)
 
 
 def _joined(path: Any, more: Any) -> Any:
@@ -236,21 +286,22 @@ def _dark() -> tuple[Any, Any]:
 
 def _shadow_ray(stage: Stage, plan: Plan, hit: Hit, n_g: Any, light: Sample) -> Ray:
     """Make the open segment from the hit point to the light."""
-    return _leaving(stage, plan, hit, n_g, light.l, light.distance if plan.epsilon else light.end)
+    return _leaving(stage, plan, hit, n_g, mi.Vector3d(light.l), light.distance if plan.epsilon else light.end)
 
 
 def _leaving(stage: Stage, plan: Plan, hit: Hit, n_g: Any, d: Any, end: Any) -> Ray:
     """Make the ray from the hit point along `d`, which cannot meet that surface again where it begins."""
     if plan.epsilon:
-        return Ray(hit.p, d, mi.Float(stage.epsilon), end, mi.Vector3f(stage.epsilon * d), mi.UInt32(NOTHING))
+        shift = mi.Vector3f(stage.epsilon * mi.Vector3f(d))
+        return Ray(hit.p, d, mi.Float(stage.epsilon), end, shift, mi.UInt32(NOTHING))
     if not plan.searched:
         return Ray(hit.p, d, mi.Float(0), end, mi.Vector3f(0), hit.shape)
-    shift, length = precise.ray_offset(n_g, d, hit.reach, stage.surfaces.least_reach)
+    shift, length = precise.ray_offset(n_g, mi.Vector3f(d), hit.reach, stage.surfaces.least_reach)
     return Ray(hit.p, d, mi.Float(0), end - length, mi.Vector3f(shift), hit.shape)
 
 
 def _surface_interaction(hit: Hit) -> mi.SurfaceInteraction3f:
     """As much of Mitsuba's record as a texture reads."""
     si = dr.zeros(mi.SurfaceInteraction3f)
-    si.p, si.n, si.uv = hit.p, mi.Normal3f(hit.n_g), hit.uv
+    si.p, si.n, si.uv = mi.Point3f(hit.p), mi.Normal3f(hit.n_g), hit.uv
     return si

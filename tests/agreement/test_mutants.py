@@ -267,7 +267,8 @@ PLUGIN: dict[str, Patch] = {
     "ambient a thousandth brighter": take(brighter),
     "no look at the geometric normal": hit(lambda h: h._replace(n_g=+h.n)),
     "flat shading": hit(lambda h: h._replace(n=h.n_g)),
-    "hit points a thousandth off": hit(lambda h: h._replace(p=mi.Point3f(h.p + 1e-3 * mi.Vector3f(h.n)))),
+    "hit points a thousandth off": hit(lambda h: h._replace(p=mi.Point3d(h.p + 1e-3 * mi.Vector3d(h.n)))),
+    "lights a hundred thousandth brighter": sampled(lambda light, _: light._replace(colour=light.colour * 1.00001)),
     "backs look like fronts": replaced(
         Materials, "row_of", lambda f: lambda self, shape, behind, active: f(self, shape, mi.Bool(False), active)
     ),

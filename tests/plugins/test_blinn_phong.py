@@ -66,13 +66,10 @@ def evaluate(bsdf, wi, wo, ctx=None):
     ctx = ctx or context()
     if not dr.is_jit_v(mi.Float):
         pairs = [
-            bsdf.eval_pdf(ctx, seen_from(i), mi.Vector3f(o))
-            for i, o in zip(wi.tolist(), wo.tolist(), strict=True)
+            bsdf.eval_pdf(ctx, seen_from(i), mi.Vector3f(o)) for i, o in zip(wi.tolist(), wo.tolist(), strict=True)
         ]
         return np.array([v for v, _ in pairs]), np.array([p for _, p in pairs])
-    value, pdf = bsdf.eval_pdf(
-        ctx, seen_from(np.ascontiguousarray(wi.T)), mi.Vector3f(np.ascontiguousarray(wo.T))
-    )
+    value, pdf = bsdf.eval_pdf(ctx, seen_from(np.ascontiguousarray(wi.T)), mi.Vector3f(np.ascontiguousarray(wo.T)))
     return np.array(value).T, np.array(pdf)
 
 
@@ -106,9 +103,7 @@ def test_eval_is_the_textbooks_formula(any_variant, exponent):
     wo[:, 2] = np.abs(wo[:, 2])
     wo = np.float32(wo / np.linalg.norm(wo.astype(float), axis=1, keepdims=True))
     k_d, k_s = 0.25, 0.5
-    value, _ = evaluate(
-        blinnphong(diffuse_reflectance=k_d, specular_reflectance=k_s, exponent=exponent), wi, wo
-    )
+    value, _ = evaluate(blinnphong(diffuse_reflectance=k_d, specular_reflectance=k_s, exponent=exponent), wi, wo)
     power = np.exp(exponent * np.log1p(-cos_half(wi, wo)[1]))
     expected = k_d * wo[:, 2].astype(float) + k_s * power
     assert (power > 0.1).sum() > count / 100  # the highlight was met
@@ -127,9 +122,7 @@ def test_the_highlight_is_never_brighter_than_its_coefficient(llvm_ad_rgb):
     wi = hemisphere(100_000, 6)
     wo = wi * np.float32([-1, -1, 1])
     for exponent in (1.0, 1e3, 1e7):
-        value, _ = evaluate(
-            blinnphong(diffuse_reflectance=0.0, specular_reflectance=1.0, exponent=exponent), wi, wo
-        )
+        value, _ = evaluate(blinnphong(diffuse_reflectance=0.0, specular_reflectance=1.0, exponent=exponent), wi, wo)
         assert value.max() <= 1
         assert value.min() >= 1 - power_limit(exponent)
 
@@ -239,9 +232,7 @@ def test_samples_of_the_highlight_have_the_density_that_pdf_says(llvm_ad_rgb, de
         return dr.select(cos > 0, bsdf.pdf(ctx, seen_from(wi), 2 * cos * h - wi) * jacobian, 0)
 
     domain = mi.chi2.PlanarDomain(mi.ScalarBoundingBox2f([0, -math.pi], [1, math.pi]))
-    accept(
-        mi.chi2.ChiSquareTest(domain, sample, density, sample_dim=3, sample_count=200_000, res=51, ires=16)
-    )
+    accept(mi.chi2.ChiSquareTest(domain, sample, density, sample_dim=3, sample_count=200_000, res=51, ires=16))
 
 
 def draw(bsdf, wi, ctx=None, count=100_000, seed=0):
@@ -295,9 +286,7 @@ def mean_weight(bsdf, wi, ctx):
 
 @pytest.mark.parametrize("exponent", EXPONENTS)
 def test_under_a_white_sky_each_term_reflects_what_the_manual_says(llvm_ad_rgb, exponent):
-    bsdf = blinnphong(
-        diffuse_reflectance=0.25, specular_reflectance=0.5, mirror_reflectance=0.125, exponent=exponent
-    )
+    bsdf = blinnphong(diffuse_reflectance=0.25, specular_reflectance=0.5, mirror_reflectance=0.125, exponent=exponent)
     albedos = {
         "diffuse": 0.25 * math.pi,
         "glossy": 0.5 * 8 * math.pi * (1 - 2 ** (-(exponent + 2) / 2)) / (exponent + 2),
@@ -414,9 +403,7 @@ def test_every_parameter_may_be_a_texture(any_variant):
 def test_an_exponent_from_a_texture_is_clamped(llvm_ad_rgb):
     si, wo = seen_from(towards(1)), mi.Vector3f(towards(1.01))
     for given, used in ((-3.0, 0.0), (1e9, 1e7)):
-        clamped, plain = (
-            blinnphong(specular_reflectance=1.0, exponent=e) for e in (board(given, given), used)
-        )
+        clamped, plain = (blinnphong(specular_reflectance=1.0, exponent=e) for e in (board(given, given), used))
         for a, b in zip(clamped.eval_pdf(context(), si, wo), plain.eval_pdf(context(), si, wo), strict=True):
             np.testing.assert_array_equal(np.array(a), np.array(b))
 
@@ -471,15 +458,11 @@ def test_derivatives_of_eval_are_the_difference_quotients_of_the_formula(llvm_ad
         key = f"{name}.value"
         dr.enable_grad(parameters[key])
         parameters.update()
-        value = bsdf.eval(
-            context(), seen_from(np.ascontiguousarray(wi.T)), mi.Vector3f(np.ascontiguousarray(wo.T))
-        )
+        value = bsdf.eval(context(), seen_from(np.ascontiguousarray(wi.T)), mi.Vector3f(np.ascontiguousarray(wo.T)))
         dr.forward(parameters[key])
         derivative = np.array(dr.grad(value))[0]
         step = 1e-4 * np.array([position == i for i in range(3)])
-        quotient = (
-            formula(*(np.array([*given.values()]) + step)) - formula(*([*given.values()] - step))
-        ) / 2e-4
+        quotient = (formula(*(np.array([*given.values()]) + step)) - formula(*([*given.values()] - step))) / 2e-4
         # error of the quotient: step^2 / 6 times a third derivative below 1; of float32: that of the power,
         # whose logarithm, at most 1/(e p), multiplies it
         assert np.abs(derivative[above] - quotient).max() <= 1e-8 + power_limit(20.0), name
@@ -498,9 +481,7 @@ def test_derivatives_of_sampled_light_are_those_of_its_mean(llvm_ad_rgb):
     }
     half = 2 ** (-(p + 2) / 2)
     albedo = 8 * math.pi * (1 - half) / (p + 2)  # of the highlight with k_s = 1
-    slope = (
-        8 * math.pi * (half * math.log(2) / 2 / (p + 2) - (1 - half) / (p + 2) ** 2)
-    )  # its derivative by p
+    slope = 8 * math.pi * (half * math.log(2) / 2 / (p + 2) - (1 - half) / (p + 2) ** 2)  # its derivative by p
     expected = [math.pi, albedo, 1, 0.5 * slope]
     for name, derivative in zip(given, expected, strict=True):
         bsdf = blinnphong(**given)
@@ -527,9 +508,7 @@ def test_mitsubas_own_integrators_draw_the_formula(any_variant, integrator):
             "integrator": {"type": integrator, **({"max_depth": 2} if integrator == "path" else {})},
             "sensor": {
                 "type": "orthographic",
-                "to_world": mi.ScalarTransform4f()
-                .look_at([0, 0, 3], [0, 0, 0], [0, 1, 0])
-                .scale([0.5, 0.5, 1]),
+                "to_world": mi.ScalarTransform4f().look_at([0, 0, 3], [0, 0, 0], [0, 1, 0]).scale([0.5, 0.5, 1]),
                 "film": {"type": "hdrfilm", "width": 4, "height": 4, "rfilter": {"type": "box"}},
             },
             "floor": {
@@ -606,9 +585,7 @@ def test_the_path_integrator_sees_the_sky_in_the_mirror(llvm_ad_rgb):
             "integrator": {"type": "path", "max_depth": 2},
             "sensor": {
                 "type": "orthographic",
-                "to_world": mi.ScalarTransform4f()
-                .look_at([0, 2, 3], [0, 0, 0], [0, 1, 0])
-                .scale([0.5, 0.5, 1]),
+                "to_world": mi.ScalarTransform4f().look_at([0, 2, 3], [0, 0, 0], [0, 1, 0]).scale([0.5, 0.5, 1]),
                 "film": {"type": "hdrfilm", "width": 4, "height": 4, "rfilter": {"type": "box"}},
             },
             "mirror": {
@@ -681,16 +658,12 @@ def test_a_bitmap_of_bytes_reaches_from_0_to_255(any_variant):
 
 @pytest.mark.parametrize("value", [-1.0, 1.0001e7, math.nan, math.inf])
 def test_an_exponent_out_of_range_is_refused_with_id_and_value(any_variant, value):
-    with pytest.raises(
-        RuntimeError, match=r"blinnphong `paint`: exponent is .*, allowed is from 0 to 1e\+07"
-    ):
+    with pytest.raises(RuntimeError, match=r"blinnphong `paint`: exponent is .*, allowed is from 0 to 1e\+07"):
         blinnphong(exponent=value)
 
 
 def test_an_exponent_is_no_colour(any_variant):
-    with pytest.raises(
-        RuntimeError, match=r"blinnphong `paint`: exponent is .*, allowed is a number or a texture"
-    ):
+    with pytest.raises(RuntimeError, match=r"blinnphong `paint`: exponent is .*, allowed is a number or a texture"):
         blinnphong(exponent={"type": "rgb", "value": [1, 2, 3]})
 
 

@@ -104,9 +104,7 @@ def polygons(kind):
 
 
 def edges(rings):
-    return [
-        (tuple(a), tuple(b)) for ring in rings for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True)
-    ]
+    return [(tuple(a), tuple(b)) for ring in rings for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True)]
 
 
 def exact(point):
@@ -131,9 +129,7 @@ def is_odd(point, outline):
 def odd_area(outline):
     """Sum the trapezoids between edges and two neighbouring heights at which edges end or cross, exactly."""
     segments = [(exact(a), exact(b)) for a, b in outline]
-    segments = [
-        (min(s, key=lambda p: p[1]), max(s, key=lambda p: p[1])) for s in segments if s[0][1] != s[1][1]
-    ]
+    segments = [(min(s, key=lambda p: p[1]), max(s, key=lambda p: p[1])) for s in segments if s[0][1] != s[1][1]]
     heights = {end[1] for s in segments for end in s}
     for i, (a, b) in enumerate(segments):
         for c, d in segments[:i]:
@@ -146,13 +142,9 @@ def odd_area(outline):
     for low, high in itertools.pairwise(heights):
         middle = (low + high) / 2
         at_middle = sorted(
-            a[0] + (middle - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
-            for a, b in segments
-            if a[1] < middle < b[1]
+            a[0] + (middle - a[1]) / (b[1] - a[1]) * (b[0] - a[0]) for a, b in segments if a[1] < middle < b[1]
         )
-        area += (high - low) * sum(
-            right - left for left, right in zip(at_middle[::2], at_middle[1::2], strict=True)
-        )
+        area += (high - low) * sum(right - left for left, right in zip(at_middle[::2], at_middle[1::2], strict=True))
     return area
 
 
@@ -338,9 +330,7 @@ def test_vertices_are_transformed_as_those_of_a_mesh_file_to_the_bit(llvm_ad_rgb
     file = tmp_path / "ring.obj"
     file.write_text("".join(f"v {x!r} {y!r} {z!r}\n" for x, y, z in ring.tolist()) + "f 1 2 3\n" * 48)
     file.write_text(file.read_text() + "".join(f"f {i} {i + 1} {i + 2}\n" for i in range(1, 49)))
-    to_world = (
-        mi.ScalarTransform4f().translate([0.1, 0.7, -3]).rotate([0.36, 0.48, 0.8], 50).scale([0.3, 2, 1])
-    )
+    to_world = mi.ScalarTransform4f().translate([0.1, 0.7, -3]).rotate([0.36, 0.48, 0.8], 50).scale([0.3, 2, 1])
     loaded = mi.load_dict({"type": "obj", "filename": str(file), "to_world": to_world, "face_normals": True})
     own = mesh(polygon(text([ring.tolist()]), to_world=to_world))[0][1:51]
     np.testing.assert_array_equal(own, np.array(mi.traverse(loaded)["vertex_positions"]).reshape(-1, 3))

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from mitsuba_whitted import LIBLLVM
-from whitted_validation.benchmark import scenes
+from whitted_validation.benchmark import povray, scenes
 from whitted_validation.benchmark.error import GRID, TARGET, Curves, Kept, Results
 from whitted_validation.benchmark.error_curves import Point, at_error, cheapest, cpu, rays, slope
 from whitted_validation.benchmark.error_schedule import FULL
@@ -199,7 +199,12 @@ def test_the_quick_benchmark_writes_data_and_a_page(tmp_path: Path) -> None:
     facts = json.loads((tmp_path / "report" / "results.json").read_text())
     assert facts["complete"] is True
     points = facts["scenes"]["a"]["points"]
-    assert {point["way"] for point in points} == {"grid", "target error"}
+    ways = {"grid", "target error"}
+    if povray.version() is None:
+        assert "scene a: POV-Ray is not installed" in facts["notes"]
+    else:
+        ways |= {"POV-Ray, one sample", "POV-Ray method 2, depth 3"}
+    assert ({point["way"] for point in points}, facts["povray"]) == (ways, povray.version())
     assert {point["way"] for point in facts["peers"]["points"]} > {"path, independent", "direct, independent"}
     errors = [point["rmse"] for point in points if point["way"] == "grid"]
     assert errors == sorted(errors, reverse=True)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from mitsuba_whitted import LIBLLVM
-from whitted_validation.benchmark import scenes, speed
+from whitted_validation.benchmark import povray, scenes, speed
 from whitted_validation.benchmark.speed import Measured, Results, Row
 from whitted_validation.benchmark.speed_configurations import BY_NAME, CONFIGURATIONS, Unavailable, _replace
 from whitted_validation.benchmark.speed_memory import draw_large
@@ -277,7 +277,12 @@ def test_the_quick_benchmark_writes_data_and_a_page(tmp_path: Path) -> None:
     facts = json.loads((tmp_path / "report" / "results.json").read_text())
     assert facts["complete"] is True
     rows = {row["name"]: row for row in facts["scenes"]["a"]["rows"]}
-    assert set(rows) == {"limit", "general", "same", "twice", "path"}
+    assert set(rows) == {"limit", "general", "same", "twice", "path", "povray"}
+    if povray.version() is None:
+        assert rows.pop("povray")["note"] == "POV-Ray is not installed"
+    else:
+        assert facts["scenes"]["a"]["povray"]["version"] == povray.version()
+        assert rows["povray"]["off"] < 1e-3
     assert all(row["comparison"]["cpu"]["median"] > 0 for row in rows.values())
     assert all(BY_NAME[name].words in (tmp_path / "report" / "report.html").read_text() for name in ("same", "twice"))
     assert {target["verdict"] for target in facts["targets"]} <= {"met", "not met", "not measured"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from whitted_validation import noise, scene_files
 from whitted_validation.forms import length, radius
 from whitted_validation.patch import patch_of
 from whitted_validation.rounding import Follower, Rounding, chain
-from whitted_validation.roundoffs import U
+from whitted_validation.roundoffs import V
 from whitted_validation.textures import Slopes
 
 SIZE = 16
@@ -57,7 +58,7 @@ def test_noise_within_the_model_stays_within_the_bound(name: str) -> None:
         e, d, start, end = follower.camera.ray(x, y)
         tree = follower.record_ray(e, d, start, end)
         bound = rounding.bound(tree).colour
-        turned = [c + rng.uniform(-1, 1) * 4 * U for c in d]  # CAMERA_DIRECTION is 5 u, and |d| rounds too
+        turned = [c + rng.uniform(-1, 1) * 4 * V for c in d]  # CAMERA_DIRECTION is 5 v, and |d| rounds too
         size = math.hypot(*turned)
         other = follower.record_ray(e, tuple(c / size for c in turned), start, end)
         if shaken.signature(other) == shaken.signature(tree):
@@ -93,14 +94,14 @@ INSTANCE = """<scene version="3.0.0"><sensor type="perspective">
   <rotate y="1" angle="25"/><scale x="1.25" y="0.75" z="1"/></transform></shape></scene>"""
 
 
-def test_a_hit_brought_out_of_an_instance_in_float32_is_off_by_no_more_than_its_roundings(tmp_path: Path) -> None:
+def test_a_hit_brought_out_of_an_instance_is_off_by_no_more_than_its_roundings(tmp_path: Path) -> None:
     """What stands far from the origin inside is moved back to it outside: the digits are lost inside."""
     (tmp_path / "scene.xml").write_text(INSTANCE)
     scene = whitted_reference.load(tmp_path / "scene.xml")
     follower = Follower(scene)
     (instance,) = scene.shapes
     assert isinstance(instance, Instance)
-    rows = np.array(instance.to_world.matrix, np.float32)
+    rows = [[Fraction(c) for c in row] for row in instance.to_world.matrix]
     met, greatest = set(), 0.0
     for y in range(SIZE):
         for x in range(SIZE):
@@ -111,16 +112,15 @@ def test_a_hit_brought_out_of_an_instance_in_float32_is_off_by_no_more_than_its_
             assert isinstance(primitive, Placed)
             e, d, longer = primitive.inner_ray(node.e, node.d)
             p = np.array(e) + node.t * longer * np.array(d)
-            x32, y32, z32 = p.astype(np.float32)
-            out = ((rows[:, 0] * x32 + rows[:, 1] * y32) + rows[:, 2] * z32) + rows[:, 3]
-            assert out.dtype == np.float32
+            inside = [*(Fraction(c) for c in p), Fraction(1)]
+            out = np.array([float(sum(a * b for a, b in zip(row, inside, strict=True))) for row in rows[:3]])
             off = np.abs(out - np.array(node.p))
             allowed = patch_of(primitive, node).point_roundings
             assert (off <= allowed).all()
             met.add(node.shape)
             greatest = max(greatest, float(off.max()))
     assert len(met) == 2
-    assert greatest > 100 * U  # of a body of size 1: such a bound is needed
+    assert greatest > 100 * V  # of a body of size 1: such a bound is needed
 
 
 def test_the_sampling_factor_follows_from_its_statement() -> None:

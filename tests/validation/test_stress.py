@@ -37,8 +37,7 @@ U = 2.0**-24
 CASES = {f"{case.family}: {case.name}": case for case in suite.cases(quick=True)}
 
 KNOWN = {
-    "closed meshes: aimed at vertices": "Embree's edge tests are not exact at a vertex: twice as many slip through",
-    "mirror chains: picture between four balls": "the verdict gives up after 64 alternatives of a pixel",
+    "closed meshes: aimed at vertices": "Embree's own robust test loses as many, at the vertex itself",
 }
 """Statements that do not hold yet, and why: to be struck out as they are mended, which a strict xfail demands."""
 

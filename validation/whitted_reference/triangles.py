@@ -112,7 +112,7 @@ class Triangle(Primitive):
 
 def triangles(mesh: scene.Mesh, arithmetic: Arithmetic) -> list[Primitive]:
     """Build a mesh's triangles in file order, without those of zero area, which are never hit."""
-    normals = _vertex_normals(mesh, arithmetic)
+    normals = vertex_normals(mesh, arithmetic)
     result: list[Primitive] = []
     for i, j, k in mesh.faces:
         corners = (mesh.vertices[i], mesh.vertices[j], mesh.vertices[k])
@@ -136,7 +136,7 @@ def _is_degenerate(a: scene.Floats3, b: scene.Floats3, c: scene.Floats3) -> bool
     return not any(cross(sub(exact[1], exact[0]), sub(exact[2], exact[0])))
 
 
-def _vertex_normals(mesh: scene.Mesh, arithmetic: Arithmetic) -> list[Vec] | None:
+def vertex_normals(mesh: scene.Mesh, arithmetic: Arithmetic) -> list[Vec] | None:
     """Return unit normals per vertex: the file's under M^-T, or made from the faces, or None."""
     if mesh.normals is not None:
         rows = [arithmetic.vec(row) for row in mesh.to_world.normal]

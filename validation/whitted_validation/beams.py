@@ -14,7 +14,7 @@ from whitted_reference.vectors import Vec, dot
 from whitted_validation.forms import length
 from whitted_validation.patch import matrices
 from whitted_validation.rounding import Ray
-from whitted_validation.roundoffs import EDGE_TEST, QUADRATIC_TEST, TRANSFORMED, U
+from whitted_validation.roundoffs import EDGE_TEST, QUADRATIC_TEST, TO_LIGHT, TRANSFORMED, U
 
 
 @dataclass
@@ -80,6 +80,7 @@ class Beam:
         size = float(np.linalg.norm(high - low))
         at = float(np.linalg.norm(np.maximum(np.abs(low), np.abs(high)))) + math.hypot(*self.e)
         aside = length(moved) + self.errors.offset + EDGE_TEST * (abs(t) + size) + TRANSFORMED * at
+        aside += TO_LIGHT * abs(t)  # the direction of a search: at worst one to a light
         inner = primitive
         if isinstance(primitive, Placed):
             inner = primitive.primitive

@@ -38,6 +38,7 @@ from whitted_validation.roundoffs import (
     REFLECTED,
     TERM,
     TO_LIGHT,
+    UNIT_VECTOR,
     U,
 )
 from whitted_validation.textures import COLOURS, DECODED, Slopes
@@ -91,11 +92,11 @@ class Shaken(Follower):
     def reflected(self, terms, i, n, d, l, n_l):  # type: ignore[no-untyped-def]  # noqa: E741
         """Do as the tracer with a normal, a light and an irradiance that are a little off."""
         node = self.node
-        turn = patch_of(self.primitives[node.primitive], node).normal_roundings
+        turn = patch_of(self.primitives[node.primitive], node).normal_roundings + UNIT_VECTOR
         n = tuple(x + self._draw(turn) for x in n)
         l = tuple(x + self._draw(TO_LIGHT) for x in l)  # noqa: E741
         i = tuple(x * (1.0 + self._draw(IRRADIANCE)) for x in i)
-        return super().reflected(terms, i, n, d, l, max(dot(n, l) + self._draw(4 * U), 0.0))
+        return super().reflected(terms, i, n, d, l, max(dot(n, l) + self._draw(3 * U), 0.0))
 
     def _shaken(self, colour: Colour | None) -> Colour | None:
         if colour is None:

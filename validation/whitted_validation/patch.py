@@ -16,14 +16,13 @@ from whitted_validation.forms import Matrix, radius
 from whitted_validation.roundoffs import (
     COORDINATE,
     LOCAL,
+    PLACED,
     PLANE_DISTANCE,
     PLANE_SLOPE,
     SPHERE_DISTANCE,
-    TRANSFORMED,
-    UNIT_VECTOR,
     VERTEX_NORMAL,
     WEIGHTS,
-    U,
+    V,
 )
 
 
@@ -93,8 +92,8 @@ class Patch:
             beta, gamma = np.linalg.lstsq(np.array([e1, e2]).T, w, rcond=None)[0]
             turn = float(np.abs(n1 - n).max() + np.abs(n2 - n).max())
             size = float(np.linalg.norm(n + beta * (n1 - n) + gamma * (n2 - n)))
-            return VERTEX_NORMAL + UNIT_VECTOR + self._weights_off() * turn / size
-        return U if self.flat else UNIT_VECTOR + 3 * U
+            return VERTEX_NORMAL + 5 * V + self._weights_off() * turn / size
+        return V if self.flat else 8 * V * (1.0 + self._node.t / (float(self.extent.max()) / 2.0))
 
     def _from_corner(self) -> Matrix:
         """Return two sides of a triangle and the way to the hit, from its first corner."""
@@ -130,7 +129,7 @@ class Patch:
     def distance_roundings(self, t: float) -> float:
         """Own roundings of the meeting, as a distance along the normal."""
         if self._ball:
-            return SPHERE_DISTANCE * float(self.extent.max()) / 2.0
+            return SPHERE_DISTANCE * (float(self.extent.max()) / 2.0 + t)
         g, d = np.abs(self._g), np.abs(np.array(self._node.d, float))
         slant = float(g @ d) * t
         across = float(g @ self.extent) if self.flat else float(np.linalg.norm(self.extent))
@@ -140,9 +139,9 @@ class Patch:
     def point_roundings(self) -> NDArray[np.float64]:
         """Own roundings of the point: of its coordinates, and of its place on the surface."""
         assert self._node.p is not None
-        coordinates = 2 * U * np.abs(np.array(self._node.p, float))
+        coordinates = 2 * V * np.abs(np.array(self._node.p, float))
         if self._ball or not self.flat:
-            return np.asarray(coordinates + (UNIT_VECTOR + 3 * U) * float(self.extent.max()) / 2.0)
+            return np.asarray(coordinates + 8 * V * (float(self.extent.max()) / 2.0 + self._node.t))
         return np.asarray(coordinates + PLANE_DISTANCE * float(np.abs(self._g) @ self.extent) * np.abs(self._g))
 
     def uv_error(self, hit: Matrix) -> tuple[float, float]:
@@ -173,7 +172,7 @@ class Patch:
 class PlacedPatch(Patch):
     """The surface of an instance: a hit inside with its own roundings, and what bringing it out costs.
 
-    The ray is brought in and the hit out by matrices that are inverted in float64 and rounded once. (Who is met
+    The ray is brought in and the hit out by matrices in float64. (Who is met
     first is decided outside, on vertices put into world space in float64 and rounded once: see `beams`.)
     """
 
@@ -195,8 +194,8 @@ class PlacedPatch(Patch):
 
     @property
     def normal_roundings(self) -> float:
-        """Those inside, and of M^-T n: its rows 1 and dot product 3, more where they cancel; unit vector."""
-        return (self._inside.normal_roundings + 4 * U) * self._rows / self._n_size + UNIT_VECTOR
+        """Those inside, and of M^-T n: its rows 1 and dot product 3, more where they cancel."""
+        return (self._inside.normal_roundings + 4 * V) * self._rows / self._n_size
 
     def plane_reach(self, whole: Matrix | None) -> float:
         """Of the shape inside, brought out."""
@@ -217,7 +216,7 @@ class PlacedPatch(Patch):
     def point_roundings(self) -> NDArray[np.float64]:
         """Those inside, brought out, and of the matrix."""
         out = self._matrix @ self._inside.point_roundings
-        return np.asarray(out + TRANSFORMED * (self._matrix @ self._p + np.abs(self._shift)))
+        return np.asarray(out + PLACED * (self._matrix @ self._p + np.abs(self._shift)))
 
 
 def matrices(primitive: Placed) -> tuple[Matrix, Matrix]:

@@ -1,4 +1,4 @@
-"""How far a float32 tracer may be from the exact colour of a pixel, where it decides alike.
+"""How far a tracer that rounds as `roundoffs` says may be from the exact colour of a pixel, where it decides alike.
 
 The reference's rays are followed once more, and with each ray goes what float32 may have made of it: origin
 and direction as linear forms in error symbols, each between -1 and 1, one for every rounding that counts
@@ -30,14 +30,17 @@ from whitted_validation.roundoffs import (
     CAMERA_DIRECTION,
     CAMERA_ORIGIN,
     CONE_PLACE,
+    COSINE,
     IRRADIANCE,
     OFFSET,
+    PLACED,
     POWER,
     REFLECTED,
     TERM,
-    TRANSFORMED,
+    TO_LIGHT,
     UNIT_VECTOR,
     U,
+    V,
 )
 from whitted_validation.textures import Slopes
 
@@ -190,7 +193,7 @@ class Rounding:
         if self._perspective:  # all rays pass exactly through the eye
             return Ray(float(np.linalg.norm(e - self._eye)) * direction, direction, 0.0)
         origin = CAMERA_ORIGIN * np.diag(np.abs(self._eye) + np.abs(e - self._eye))
-        return Ray(np.hstack([origin, 0 * _EYE]), np.hstack([0 * _EYE, U * _EYE]), 0.0)
+        return Ray(np.hstack([origin, 0 * _EYE]), np.hstack([0 * _EYE, V * _EYE]), 0.0)
 
     def _step(self, node: RayNode, ray: Ray) -> tuple[Step, NDArray[np.float64], Terms | None, Any]:
         """Follow one ray to its hit and shade it: errors there, error of the own colour, and the next ray."""
@@ -208,8 +211,8 @@ class Rounding:
         normal = np.hstack([patch.turn_of_normal(hit), patch.normal_roundings * _EYE])
         hit = np.hstack([hit, np.zeros((3, 3))])
         arriving = np.hstack([ray.d, np.zeros((3, hit.shape[1] - ray.d.shape[1]))])
-        slope = float(radius(n @ arriving + d @ normal)) + 3 * U
-        flat_slope = float(radius(n_g @ arriving)) + 4 * U + (0.0 if patch.flat else length(normal))
+        slope = float(radius(n @ arriving + d @ normal)) + 3 * V
+        flat_slope = float(radius(n_g @ arriving)) + 4 * V + (0.0 if patch.flat else length(normal))
         step.facing = max(slope, flat_slope)
         side = side_of(self._surface(node), node)
         uv = (0.0, 0.0)
@@ -228,7 +231,7 @@ class Rounding:
         r = np.hstack([r, REFLECTED * _EYE])
         e = np.hstack([hit, np.zeros((3, 3))])
         r_n_g = n_g @ r
-        step.mirror = max(slope, float(radius(r_n_g)) + 4 * U + (0.0 if patch.flat else length(normal)))
+        step.mirror = max(slope, float(radius(r_n_g)) + 4 * V + (0.0 if patch.flat else length(normal)))
         return step, error, terms, Ray(e, r, offset)
 
     def _hit(self, node: RayNode, ray: Ray, patch: Patch, n_g: Matrix) -> Matrix:
@@ -285,8 +288,9 @@ class Rounding:
             source = self._lights[light.id]
             l = np.array(light.l, float)  # noqa: E741
             to_light, relative, distance = self._arrival(source, node, light, hit, l)
-            tilt = float(radius(n @ to_light + l @ normal)) + 4 * U
-            flat_tilt = float(radius(n_g @ to_light)) + 4 * U + (0.0 if n_g is n else length(normal))
+            tilt = float(radius(n @ to_light + l @ normal)) + COSINE * float(np.abs(n) @ np.abs(l))
+            flat_tilt = float(radius(n_g @ to_light)) + COSINE * float(np.abs(n_g) @ np.abs(l))
+            flat_tilt += 0.0 if n_g is n else length(normal)
             step.lights[light.id] = Arrival(to_light, max(tilt, flat_tilt), distance)
             if light.n_h is None:
                 continue
@@ -353,11 +357,11 @@ class Rounding:
         half = l - d
         size = float(np.linalg.norm(half))
         change = to_light - arriving
-        off = (length(change) + 2 * U) / size if size > 0.0 else math.inf
+        off = (length(change) + TO_LIGHT + U) / size if size > 0.0 else math.inf
         if off < 0.5:
             h = half / size
             turned = (change - np.outer(h, h @ change)) / size - normal
-            angle = length(turned) / (1.0 - off) + 2 * UNIT_VECTOR
+            angle = (length(turned) + (TO_LIGHT + U) / size) / (1.0 - off) + 2 * UNIT_VECTOR
         else:
             h, angle = n, math.pi
         sine, cosine = float(np.linalg.norm(np.cross(n, h))), float(n @ h)
@@ -386,8 +390,8 @@ def _through_matrix(primitive: Placed, node: RayNode, ray: Ray) -> Ray:
     matrix = np.linalg.inv(inverse)
     # |M^-1| |e| and the rounded translation of the inverse, brought back by |M|.
     inside = np.abs(inverse) @ (np.abs(np.array(node.e, float)) + np.abs(shift))
-    e = TRANSFORMED * np.abs(matrix) * inside
-    d = (TRANSFORMED + UNIT_VECTOR) * np.abs(matrix) * (np.abs(inverse) @ np.abs(np.array(node.d, float)))
+    e = PLACED * np.abs(matrix) * inside
+    d = PLACED * np.abs(matrix) * (np.abs(inverse) @ np.abs(np.array(node.d, float)))
     symbols = ray.e.shape[1]
     return Ray(
         np.hstack([ray.e, e, np.zeros((3, 3))]),

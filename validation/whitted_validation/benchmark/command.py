@@ -29,7 +29,7 @@ def benchmark() -> None:
 @click.option("--quick", is_flag=True, help="One small scene: a look of a minute, not a measurement.")
 @click.option("--report", metavar="DIR", help="Write results.json and report.html to this folder.")
 def speed(quick: bool, report: str | None) -> None:
-    """Compare times: the plugin, the bare rays, each part switched off, and Mitsuba's own integrators.
+    """Compare times: the plugin, the bare rays, each part switched off, Mitsuba's own integrators, and POV-Ray.
 
     Takes some twenty minutes on two processors, and longer on a busy machine. What is measured is kept when the
     command is interrupted.
@@ -75,9 +75,9 @@ def speed(quick: bool, report: str | None) -> None:
 @click.option("--quick", is_flag=True, help="Small pictures and few points: a look of a minute, not a measurement.")
 @click.option("--report", metavar="DIR", help="Write results.json and report.html to this folder.")
 def error(quick: bool, report: str | None) -> None:
-    """Measure error against cost: grids, pictures to a target error, and Mitsuba's own integrators.
+    """Measure error against cost: grids, pictures to a target error, Mitsuba's own integrators, and POV-Ray.
 
-    Takes some fifteen minutes on two processors, and longer on a busy machine. What is measured is kept when the
+    Takes some twenty minutes on two processors, and longer on a busy machine. What is measured is kept when the
     command is interrupted.
     """
     from whitted_validation import variants

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from whitted_validation import random_scenes
-from whitted_validation.benchmark import scenes
+from whitted_validation.benchmark import povray, scenes
 from whitted_validation.benchmark.error_curves import Point
-from whitted_validation.benchmark.error_drawing import PEERS, Draw, Drawing, Image, Timed, for_peers, pixels
+from whitted_validation.benchmark.error_drawing import PEERS, Drawing, Image, Timed, for_peers, pixels
 from whitted_validation.benchmark.error_epsilon import Wrong, shadows
+from whitted_validation.benchmark.error_picture import picture_point
+from whitted_validation.benchmark.error_povray import by_povray
 from whitted_validation.benchmark.error_schedule import Schedule
-from whitted_validation.benchmark.speed_pairs import compare as compare_times
+from whitted_validation.benchmark.speed_configurations import Unavailable
+from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
 FROZEN = "65cb5bd575a25e00724725b67c09aa47980504ab"
@@ -34,19 +35,12 @@ FIRST_RANDOM = int(FROZEN[8:16], 16)
 PROMISED = (1e-2, 3e-3, 1e-3, 3e-4)
 """Target errors of which the promise is judged."""
 
-MISSED = 1e-2
-"""A pixel with a hidden feature is missed if a channel is off by more."""
-
 LOOKS = 16
 """Hidden features are looked for by a grid of so many samples a side of the pixel."""
 
 GRID, TARGET = "grid", "target error"
 
 ONE_SAMPLE = 1
-
-
-TICK = 0.1
-"""A tick of the CPU's clock is at most this share of a sample."""
 
 
 @dataclass
@@ -60,6 +54,7 @@ class Curves:
     checked : RMSE between the converged picture and a refined one
     rays : of one sample a pixel, of all kinds
     hidden : pixels that show their corners nothing of what is in them
+    note : why POV-Ray is missing
     """
 
     title: str
@@ -70,6 +65,7 @@ class Curves:
     rays: int = 0
     hidden: int = 0
     points: list[Point] = field(default_factory=list)
+    note: str = ""
 
     def of(self, way: str) -> list[Point]:
         """Return one curve."""
@@ -100,6 +96,7 @@ class Results:
     exact : RMSE of one sample a pixel in float32, against double precision, and its largest error; pixels off by more
         than 1e-3; pixels in all
     kept : target errors on all scenes
+    povray : POV-Ray's version, or None where it is not installed
     seconds : that all took so far
     """
 
@@ -110,6 +107,7 @@ class Results:
     exact: tuple[float, float, int, int] | None = None
     kept: list[Kept] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    povray: str | None = None
     seconds: float = 0.0
     complete: bool = False
 
@@ -131,17 +129,16 @@ def run(schedule: Schedule, folder: Path, results: Results, told: Callable[[str]
 
 
 def _steps(schedule: Schedule, folder: Path, results: Results, told: Callable[[str], None]) -> Iterator[None]:
-    if shutil.which("povray") is None:
-        results.notes.append("POV-Ray: not installed")
-    else:
-        results.notes.append("POV-Ray: installed, but not measured: there is no translation of the scenes yet")
+    results.povray = povray.version()
     file = scenes.write("a", folder, SEED)
     for kind in schedule.kinds:
         file = scenes.write(kind, folder, SEED)
         curves = results.scenes[kind] = Curves(scenes.KINDS[kind].title, SEED, schedule.size)
-        for _ in _curves(kind, file, curves, schedule, told):
+        for _ in _curves(kind, file, curves, schedule, told, povray_too=True):
             _keep(results, kind, curves)
             yield
+        if curves.note:
+            results.notes.append(f"scene {kind}: {curves.note}")
     results.peers = Curves("six balls on a floor, no mirror, one light", SEED, schedule.peers_size)
     yield from _peers(results.peers, schedule, folder, told)
     told("the textbook's epsilon")
@@ -162,14 +159,19 @@ def _steps(schedule: Schedule, folder: Path, results: Results, told: Callable[[s
 
 
 def _curves(
-    name: str, file: Path, curves: Curves, schedule: Schedule, told: Callable[[str], None], looks: int = LOOKS
+    name: str,
+    file: Path,
+    curves: Curves,
+    schedule: Schedule,
+    told: Callable[[str], None],
+    povray_too: bool = False,
 ) -> Iterator[None]:
-    """Measure our own two curves."""
+    """Measure our own two curves, and those of POV-Ray."""
     told(f"{name}: converged picture")
     drawing = Drawing(file, size=str(curves.size))
     truth, curves.unsure = _converged(drawing, schedule)
     curves.checked = compare(pixels(drawing.to(schedule.refined)), truth).rmse
-    hidden = drawing.hidden(looks)
+    hidden = drawing.hidden(LOOKS)
     curves.hidden = int(hidden.sum())
     one = Timed(drawing.grid(ONE_SAMPLE), curves.size)
     curves.rays = drawing.rays_of_grid(ONE_SAMPLE)
@@ -177,42 +179,27 @@ def _curves(
     for n in schedule.grids:
         told(f"{name}: grid {n} x {n}")
         traced = drawing.rays_of_grid(n) / curves.rays
-        curves.points.append(_point(GRID, n, drawing.grid(n), truth, schedule, one, traced, hidden))
+        curves.points.append(picture_point(GRID, n, drawing.grid(n), truth, schedule, one, traced, hidden))
         yield
     for target in schedule.targets:
         told(f"{name}: target error {target:g}")
         traced = drawing.rays_to(target) / curves.rays
-        curves.points.append(_point(TARGET, target, drawing.to(target), truth, schedule, one, traced, hidden))
+        curves.points.append(picture_point(TARGET, target, drawing.to(target), truth, schedule, one, traced, hidden))
         yield
+    if not povray_too:
+        return
+    try:
+        for point in by_povray(name, file, one, curves.rays, truth, hidden, schedule, told):
+            curves.points.append(point)
+            yield
+    except (Failed, Unavailable) as error:
+        curves.note = str(error)
 
 
 def _converged(drawing: Drawing, schedule: Schedule) -> tuple[Image, float]:
     """Draw the converged picture; return how unsure it is as well, see `Curves`."""
     truth = pixels(drawing.grid(schedule.converged))
     return truth, compare(pixels(drawing.grid(schedule.converged // 2)), truth).rmse
-
-
-def _point(
-    way: str,
-    knob: float,
-    draw: Draw,
-    truth: Image,
-    schedule: Schedule,
-    one: Timed | None = None,
-    traced: float | None = None,
-    hidden: Any = None,
-) -> Point:
-    """Draw one picture, compare it with the converged one, and take its time beside one sample a pixel."""
-    found = compare(pixels(draw), truth)
-    cost = None
-    if one is not None:
-        timed = Timed(draw, len(truth))
-        a_pair = 2 * max(timed.facts.one.wall, TICK)
-        pairs = max(1, min(schedule.pairs, int(schedule.patience / a_pair)))
-        cost = compare_times(one, timed, pairs, TICK)
-    missed = None if hidden is None else int(np.count_nonzero(hidden & (found.error > MISSED)))
-    p999 = dict(found.percentiles)[99.9]
-    return Point(way, knob, found.rmse, p999, found.largest, found.flip.mean, traced, cost, missed)
 
 
 def _keep(results: Results, kind: str, curves: Curves) -> None:
@@ -236,7 +223,7 @@ def _peers(curves: Curves, schedule: Schedule, folder: Path, told: Callable[[str
             for spp in schedule.spp:
                 told(f"one light: {name}, {sampler}, {spp} samples")
                 draw = drawing.peer(name, spp)
-                curves.points.append(_point(f"{name}, {sampler}", spp, draw, truth, schedule, one))
+                curves.points.append(picture_point(f"{name}, {sampler}", spp, draw, truth, schedule, one))
                 yield
 
 
@@ -245,7 +232,7 @@ def _epsilons(file: Path, results: Results, schedule: Schedule) -> None:
     drawing = Drawing(file, size=str(schedule.size))
     truth = pixels(drawing.with_epsilon(None))
     for epsilon in schedule.epsilons:
-        results.epsilon.append(_point("epsilon", epsilon, drawing.with_epsilon(epsilon), truth, schedule))
+        results.epsilon.append(picture_point("epsilon", epsilon, drawing.with_epsilon(epsilon), truth, schedule))
 
 
 def _random(seed: int, folder: Path, results: Results, schedule: Schedule) -> None:

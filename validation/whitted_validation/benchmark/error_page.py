@@ -5,13 +5,15 @@ results.json, besides what every command writes
     complete   false while steps are missing, and after an interruption
     schedule   what was to be measured: see `error_schedule.Schedule`
     frozen     the commit whose number gives the seeds
+    povray     its version; null where it is not installed
     targets    one object a target: target, measured, verdict (met, not met, not measured)
     scenes     by letter: title, seed, size, rays (of one sample a pixel, all kinds), unsure and checked (RMSE between
         the converged picture and a coarser grid, and a refined picture), hidden (pixels whose corners do not show what
-        is in them), slopes (by curve: of log RMSE over log rays, log extra rays and log CPU time), and
-        points one object a picture: way, knob (n, target error, samples), rmse, p999, largest, flip, rays (over those
-            of one sample a pixel), missed (hidden and off by more than 1e-2), cost (time over that of one sample a
-            pixel, as `comparison` in results.json of `whitted benchmark speed`)
+        is in them), slopes (by curve: of log RMSE over log rays, log extra rays and log CPU time), note (why POV-Ray
+        is missing), and
+        points one object a picture: way, knob (n, target error, samples, threshold), rmse, p999, largest, flip, rays
+            (over those of one sample a pixel), missed (hidden and off by more than 1e-2), cost (time over that of one
+            sample a pixel, as `comparison` in results.json of `whitted benchmark speed`)
     peers      the same of the scene that `path` and `direct` draw alike
     epsilon    points of the textbook's constant; knob is the constant, in world units
     shadows    share of points in the wrong light: case, by_epsilon (pairs), ours (without a constant)
@@ -32,6 +34,7 @@ from whitted_validation.benchmark.error import FROZEN, GRID, TARGET, Curves, Res
 from whitted_validation.benchmark.error_curves import Of, Point, cheapest, cpu, rays, slope, wall
 from whitted_validation.benchmark.error_drawing import PEERS
 from whitted_validation.benchmark.error_epsilon import Wrong
+from whitted_validation.benchmark.error_povray import METHODS
 from whitted_validation.benchmark.error_schedule import Schedule
 from whitted_validation.benchmark.error_targets import NAMES, can_judge, extra, outcomes, trusted
 from whitted_validation.benchmark.speed_page import plain, targets_table
@@ -52,6 +55,7 @@ def write(folder: Path, results: Results, schedule: Schedule, quick: bool) -> No
         "targets": [
             {"target": each.target, "measured": each.measured, "verdict": each.verdict} for each in outcomes(results)
         ],
+        "povray": results.povray,
         "scenes": {kind: _curves_facts(curves) for kind, curves in results.scenes.items()},
         "peers": _curves_facts(results.peers) if results.peers else None,
         "epsilon": [plain(point) for point in results.epsilon],
@@ -76,8 +80,8 @@ def _ways(curves: Curves) -> list[str]:
 
 
 def _others(curves: Curves) -> list[list[str]]:
-    """Tell what is drawn beside our own two curves: nothing, and then each of Mitsuba's integrators."""
-    by_peer = [[way for way in _ways(curves) if way.startswith(f"{peer},")] for peer in PEERS]
+    """Tell what is drawn beside our own two curves: nothing, and then each peer, POV-Ray in two methods."""
+    by_peer = [[way for way in _ways(curves) if way.startswith(f"{peer},")] for peer in (*PEERS, *METHODS)]
     return [[], *(ways for ways in by_peer if ways)]
 
 
@@ -104,7 +108,7 @@ def lines(results: Results) -> Iterator[str]:
             traced = "" if p.rays is None else short(p.rays)
             hidden = "" if p.missed is None else f"  missed {p.missed}"
             yield (
-                f"  {p.way:<20} {p.knob:<7g} RMSE {p.rmse:<9.2e} worst {p.largest:<9.2e} rays {traced:<9} "
+                f"  {p.way:<26} {p.knob:<7g} RMSE {p.rmse:<9.2e} worst {p.largest:<9.2e} rays {traced:<9} "
                 f"CPU {short(cpu(p)):<8} wall {short(wall(p))}{hidden}"
             )
     for p in results.epsilon:
@@ -141,8 +145,9 @@ def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]
             "Errors are those of linear radiance against a converged picture: a grid of "
             f"{schedule.converged} x {schedule.converged} samples in each pixel. Rays and times are given over those "
             "of one sample a pixel of the same scene. Times are medians of pairs, drawn in turn, up to "
-            f"{schedule.pairs} of them; CPU time is that of all threads. The seeds of the scenes come from the number "
-            f"of the commit after which no constant of the refinement was changed, `{FROZEN}`."
+            f"{schedule.pairs} of them; CPU time is that of all threads. {_by_povray(results)}"
+            "The seeds of the scenes come from the number of the commit "
+            f"after which no constant of the refinement was changed, `{FROZEN}`."
         ),
         targets_table(held, quick),
     ]
@@ -158,6 +163,12 @@ def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]
     if results.notes:
         parts.append(Group("Not measured", [Sentence(note) for note in results.notes]))
     return parts
+
+
+def _by_povray(results: Results) -> str:
+    if results.povray is None:
+        return ""
+    return f"POV-Ray {results.povray} draws the same scenes; its times are those of its phase that traces. "
 
 
 def _scene(name: str, curves: Curves, schedule: Schedule) -> Group:
@@ -181,11 +192,11 @@ def _scene(name: str, curves: Curves, schedule: Schedule) -> Group:
                 fitted = "" if math.isnan(slopes[way][axis]) else f", slope {slopes[way][axis]:.2f}"
                 if points:
                     series[f"{way}{fitted}"] = points
-            if axis == "CPU time" or not others:
+            if len(series) == 2 + len(others):  # nobody counts the rays of `path` and `direct`
                 parts.append(Chart("Error against cost", f"{axis}, one sample a pixel = 1", "RMSE", series))
     rows = [_row(point, id(point) in front) for point in curves.points]
     errors, costs = ("RMSE", "99.9 %", "worst", "FLIP"), ("rays", "CPU time", "wall time")
-    columns = ["way", "n, E or samples", *errors, *costs, "missed", ""]
+    columns = ["way", "n, E, samples or threshold", *errors, *costs, "missed", ""]
     parts.append(Table(columns, rows, "All pictures; on the front: none is better in both CPU time and RMSE"))
     table: list[list[str | float | Cell]] = [
         [way, *("" if math.isnan(x) else f"{x:.2f}" for x in found.values())] for way, found in slopes.items()

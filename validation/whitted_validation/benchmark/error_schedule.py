@@ -21,6 +21,7 @@ class Schedule:
     refined : target error of the picture that they are checked against
     samplers, spp, peers_size : for Mitsuba's integrators, on scene a with one light
     epsilons : the textbook's constants, world units
+    povray : modes of POV-Ray's antialiasing: method, threshold, depth
     exact_size : of the picture that the reference draws in double precision
     random, random_size : how many random scenes, (width, height)
     pairs, patience : of samples a point at most; fewer where they would take longer than so many seconds
@@ -36,6 +37,7 @@ class Schedule:
     spp: tuple[int, ...]
     peers_size: int
     epsilons: tuple[float, ...]
+    povray: tuple[tuple[int, float, int], ...]
     exact_size: int
     random: int
     random_size: tuple[int, int]
@@ -46,7 +48,7 @@ class Schedule:
         """Count the steps of `run`."""
         curve = len(self.grids) + len(self.targets)
         peers = curve + 1 + len(self.samplers) * len(PEERS) * len(self.spp)
-        return len(self.kinds) * (curve + 1) + peers + 1 + self.random + 1
+        return len(self.kinds) * (curve + 2 + len(self.povray)) + peers + 1 + self.random + 1
 
 
 FULL = Schedule(
@@ -60,6 +62,11 @@ FULL = Schedule(
     spp=(1, 4, 16, 64, 256),
     peers_size=256,
     epsilons=tuple(10.0**-digits for digits in range(7, -1, -1)),
+    povray=tuple(
+        (method, threshold, depth)
+        for method, depth in ((1, 3), (1, 5), (2, 3), (2, 4))
+        for threshold in (0.3, 0.1, 0.03, 0.01)
+    ),
     exact_size=96,
     random=32,
     random_size=(128, 96),
@@ -78,6 +85,7 @@ QUICK = Schedule(
     spp=(1, 4),
     peers_size=32,
     epsilons=(1e-6, 1e-1),
+    povray=((2, 0.1, 3),),
     exact_size=16,
     random=2,
     random_size=(32, 24),

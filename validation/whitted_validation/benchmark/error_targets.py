@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator, Sequence
 
 from whitted_validation.benchmark.error import GRID, TARGET, Curves, Kept, Results
-from whitted_validation.benchmark.error_curves import Of, Point, at_error, cpu, largest, rays, slope, wall
+from whitted_validation.benchmark.error_curves import Of, Point, at_error, cheapest, cpu, largest, rays, slope, wall
+from whitted_validation.benchmark.error_povray import POVRAY
 from whitted_validation.benchmark.error_schedule import FULL
 from whitted_validation.benchmark.speed_targets import Outcome
 
@@ -43,7 +44,8 @@ error, judges only what exceeds the target by more than that.
 STEEPEST_GRID = -1.0
 """Slope of log RMSE over log extra rays that refinement is to beat."""
 
-POVRAY = "against POV-Ray at equal RMSE: 30 times faster on balls and mesh, 20 times in clutter"
+LEAST_POVRAY = (("a", 30.0), ("c", 30.0), ("b", 20.0))
+"""Scene, and the wall time of POV-Ray's best mode over ours at equal RMSE, wherever both curves go."""
 
 
 def trusted(curves: Curves, way: str) -> list[Point]:
@@ -67,7 +69,10 @@ def outcomes(results: Results) -> Iterator[Outcome]:
             target = f"{NAMES[kind]}: RMSE {rmse:g} in at most {most:g} times the {clock} time of one sample a pixel"
             yield _at_most(target, found.get(kind), of, rmse, most)
     yield from _clutter(found.get("b"))
-    yield Outcome(POVRAY, "", None)
+    for kind, least in LEAST_POVRAY:
+        yield _povray(
+            found.get(kind), f"{NAMES[kind]}: POV-Ray's best mode takes at least {least:g} times the wall time", least
+        )
     yield from _promise(results.kept)
     yield _worst(found)
     target = f"balls: RMSE falls with extra rays more steeply than with power {STEEPEST_GRID:g}"
@@ -88,14 +93,22 @@ def _at_most(target: str, curves: Curves | None, of: Of, rmse: float, most: floa
     return Outcome(target, f"{cost:.3g}{beside}", cost <= most)
 
 
-def gains(curves: Curves, of: Of) -> list[tuple[float, float]]:
-    """Compare with the grid at equal RMSE: our RMSE, and the grid's cost over ours, wherever both curves go."""
+def gains(curves: Curves, of: Of, others: Sequence[Point]) -> list[tuple[float, float]]:
+    """Compare with another curve at equal RMSE: our RMSE, and its cost over ours, wherever both curves go."""
     found = []
     for point in trusted(curves, TARGET):
-        grid = at_error(curves.of(GRID), of, point.rmse)
-        if of(point) > 0 and not math.isnan(grid):
-            found.append((point.rmse, grid / of(point)))
+        other = at_error(others, of, point.rmse)
+        if of(point) > 0 and not math.isnan(other):
+            found.append((point.rmse, other / of(point)))
     return found
+
+
+def _povray(curves: Curves | None, target: str, least: float) -> Outcome:
+    """Compare with the cheapest of POV-Ray's modes, at the error of each of our pictures."""
+    points = [] if curves is None else [p for p in curves.points if p.way.startswith(POVRAY)]
+    ratios = [] if curves is None else gains(curves, wall, cheapest(points, wall))
+    text = ", ".join(f"{gain:.3g} at {rmse:.2g}" for rmse, gain in ratios)
+    return Outcome(f"{target} at equal RMSE", text, all(g >= least for _, g in ratios) if ratios else None)
 
 
 def _clutter(curves: Curves | None) -> Iterator[Outcome]:
@@ -105,7 +118,7 @@ def _clutter(curves: Curves | None) -> Iterator[Outcome]:
         known = not math.isnan(ours) and not math.isnan(grid)
         yield Outcome(target, f"1/{grid / ours:.3g}" if known else "", grid >= LEAST_GAIN * ours if known else None)
         target = f"clutter: never slower than the grid of equal RMSE, {clock} time"
-        ratios = [] if curves is None else gains(curves, of)
+        ratios = [] if curves is None else gains(curves, of, curves.of(GRID))
         slower = [f"at {rmse:.2g} {1 / gain:.3g} times its time" for rmse, gain in ratios if gain < 1]
         text = f"{len(slower)} of {len(ratios)} pictures slower" + "".join(f"; {each}" for each in slower)
         yield Outcome(target, text if ratios else "", not slower if ratios else None)
@@ -139,7 +152,11 @@ def _promise(kept: Sequence[Kept]) -> Iterator[Outcome]:
 def _worst(found: dict[str, Curves]) -> Outcome:
     """Compare the worst pixel of each picture with that of the grid at equal RMSE."""
     target = f"worst pixel at most {MOST_WORST:g} times that of the grid of equal RMSE"
-    ratios = [(1 / gain, kind, rmse) for kind, curves in found.items() for rmse, gain in gains(curves, largest)]
+    ratios = [
+        (1 / gain, kind, rmse)
+        for kind, curves in found.items()
+        for rmse, gain in gains(curves, largest, curves.of(GRID))
+    ]
     if not ratios:
         return Outcome(target, "", None)
     most, kind, rmse = max(ratios)

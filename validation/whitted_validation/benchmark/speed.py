@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import copy
 import os
-import shutil
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -13,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
+import whitted_reference
 from whitted_validation import random_scenes
-from whitted_validation.benchmark import scenes
-from whitted_validation.benchmark.speed_configurations import BY_NAME, CONFIGURATIONS, PLANNED, Unavailable
+from whitted_validation.benchmark import povray, scenes
+from whitted_validation.benchmark.speed_configurations import BY_NAME, CONFIGURATIONS, PLANNED, POVRAY, Unavailable
 from whitted_validation.benchmark.speed_memory import SIDE, Large, draw_large
 from whitted_validation.benchmark.speed_pairs import Comparison, compare
 from whitted_validation.benchmark.speed_start import Start, start
@@ -68,14 +68,18 @@ def _of(*families: str) -> tuple[str, ...]:
 
 
 _SLOW = ("scalar", "reference")
-_RIVALS = tuple(name for name in _of("plugin", "peer") if name not in _SLOW)
+_RIVALS = tuple(name for name in _of("plugin", "peer") if name not in (POVRAY, *_SLOW))
 
 QUICK = Schedule(
-    {"a": ("limit", "general", "same", "twice", "path")}, {}, 256, 7, 0.1, 0, (256, 1024), {"warm": 2}, False
+    {"a": ("limit", "general", "same", "twice", "path", POVRAY)}, {}, 256, 7, 0.1, 0, (256, 1024), {"warm": 2}, False
 )
 
 FULL = Schedule(
-    {"a": (*_of("control"), *_RIVALS, *_SLOW), **dict.fromkeys(("b", "c", "d", "e", "f", "g", MIXED), _RIVALS)},
+    {
+        "a": (*_of("control"), *_RIVALS, POVRAY, *_SLOW),
+        **dict.fromkeys(("b", "c"), (*_RIVALS, POVRAY)),
+        **dict.fromkeys(("d", "e", "f", "g", MIXED), _RIVALS),
+    },
     {**dict.fromkeys("abc", _of("skip", "remedy")), "d": _of("skip")},
     1024,
     9,
@@ -99,6 +103,16 @@ class Row:
     """Share of pixels that differ from the planned picture."""
 
 
+@dataclass(frozen=True)
+class ByPovRay:
+    """What POV-Ray says of a picture: rays of camera and mirrors, rays towards lights, seconds to read the scene."""
+
+    version: str | None
+    rays: int
+    shadow_rays: int
+    parse: float
+
+
 @dataclass
 class Measured:
     """One scene."""
@@ -111,6 +125,7 @@ class Measured:
     launch: float = float("nan")
     edits: dict[str, int] = field(default_factory=dict)
     rows: list[Row] = field(default_factory=list)
+    povray: ByPovRay | None = None
     note: str = ""
 
     def row(self, name: str) -> Row | None:
@@ -168,10 +183,6 @@ def run(schedule: Schedule, folder: Path, results: Results, told: Callable[[str]
     for kind, names in schedule.details.items():
         results.load.append(os.getloadavg()[0])
         yield from _scene(kind, names, schedule, folder, results, told)
-    if shutil.which("povray") is None:
-        results.notes.append("POV-Ray: not installed")
-    else:
-        results.notes.append("POV-Ray: installed, but not measured: there is no translation of the scenes yet")
     results.load.append(os.getloadavg()[0])
     results.complete = True
 
@@ -201,7 +212,10 @@ def _scene(
             yield
             for name in names:
                 told(f"{kind}: {name}")
-                measured.rows.append(_row(name, planned, picture, file, schedule))
+                if name == POVRAY:
+                    _povray(measured, planned, picture, file, schedule)
+                else:
+                    measured.rows.append(_row(name, planned, picture, file, schedule))
                 yield
     except Failed as error:
         measured.note = str(error)
@@ -214,7 +228,7 @@ def _row(name: str, planned: Worker, picture: np.ndarray, file: Path, schedule: 
         with Worker(name, file, planned.facts.side) as worker:
             off = None
             if configuration.family != "peer" and name != "limit":
-                off = float((np.abs(worker.ask("pixels") - picture) > OFF).any(axis=2).mean())
+                off = _off(worker.ask("pixels"), picture)
             if configuration.in_kernel and worker.facts.kernels == planned.facts.kernels:
                 return Row(name, "makes the same kernel here", None, worker.facts, off)
             return Row(name, "", compare(planned, worker, schedule.pairs, schedule.tick), worker.facts, off)
@@ -222,6 +236,25 @@ def _row(name: str, planned: Worker, picture: np.ndarray, file: Path, schedule: 
         if isinstance(error, Failed):
             planned.sample(1)  # or it is this one that has failed: then its own error ends the scene
         return Row(name, str(error))
+
+
+def _povray(measured: Measured, planned: Worker, picture: np.ndarray, file: Path, schedule: Schedule) -> None:
+    """Measure POV-Ray against the planned configuration, which waits."""
+    try:
+        description = whitted_reference.load(file, {"size": str(planned.facts.side)})
+        mode = povray.Mode(povray.PovRay(description, file.parent, float(picture.max())))
+        drawn = mode.drawn
+        measured.povray = ByPovRay(povray.version(), drawn.rays, drawn.shadow_rays, drawn.parse)
+        compared = compare(planned, mode, schedule.pairs, schedule.tick)
+        measured.rows.append(Row(POVRAY, "", compared, None, _off(drawn.pixels, picture)))
+    except (Failed, Unavailable) as error:
+        if isinstance(error, Failed):
+            planned.sample(1)  # as in `_row`
+        measured.rows.append(Row(POVRAY, str(error)))
+
+
+def _off(pixels: np.ndarray, picture: np.ndarray) -> float:
+    return float((np.abs(pixels - picture) > OFF).any(axis=2).mean())
 
 
 def _random(seed: int, schedule: Schedule, folder: Path) -> Row:

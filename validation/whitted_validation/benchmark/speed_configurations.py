@@ -35,7 +35,8 @@ class Configuration:
     ----------
     family : what it is measured for, see `FAMILIES`
     words : what it draws, or what it leaves out
-    prepare : from the scene's file and its size in pixels to the picture; runs in a process of its own
+    prepare : from the scene's file and its size in pixels to the picture; runs in a process of its own. None for
+        POV-Ray, which is one
     changes : replaces parts of the plugin before that
     variant : of Mitsuba; empty for none
     side : size of its picture where it is too slow for the asked one; times are compared per pixel
@@ -45,7 +46,7 @@ class Configuration:
     name: str
     family: str
     words: str
-    prepare: Callable[[Path, int], Draw]
+    prepare: Callable[[Path, int], Draw] | None
     changes: tuple[Callable[[], None], ...] = ()
     variant: str = "llvm_ad_rgb"
     side: int | None = None
@@ -183,6 +184,13 @@ def _not_robust() -> None:
     setattr(mi, "load_dict", load_fast)  # noqa: B010  # its type is not that of a function in Python
 
 
+def _single() -> None:
+    """Put single precision where the plugin asks for double."""
+    for double in ("Vector3d", "Vector4d", "Point3d", "Normal3d"):
+        setattr(mi, double, getattr(mi, f"{double[:-1]}f"))
+    setattr(mi, "Float64", mi.Float)  # noqa: B010  # as it is a type, mypy would not have it assigned
+
+
 def _always(_old: Any) -> Any:
     """Ask for every light, whichever side of the horizon it is on."""
     return lambda self, ray, _active, *rest: _old(self, ray, mi.Bool(True), *rest)
@@ -213,16 +221,12 @@ _ALL_CAST = _replace("stage", "casters", lambda _: lambda _graph, _rows, few, *_
 _PLAIN_POWER = _replace(
     "precise", "specular_power", lambda _: lambda n, h, p: dr.power(dr.maximum(dr.dot(n, h), 1e-20), p)
 )
-_PLAIN_SPHERE = _replace("precise", "sphere_normal", lambda _: lambda o, d, c, r, t: dr.normalize(dr.fma(t, d, o) - c))
-_PLAIN_PLANE = _replace(
-    "precise", "plane_point", lambda _: lambda o, d, a, n: dr.fma(dr.dot(a - o, n) * dr.rcp(dr.dot(d, n)), d, o)
-)
 _RAY_TEST = _replace("accel", "Accel.__init__", _after_init("_round", False))
 
 _WITHOUT_FEW = (_EMBREE_ALONE, _ALL_CAST)
 _GENERAL = (_THE_LOOP, _HIGHLIGHT, _BACKS, _TEXTURED, _EMISSION, *_WITHOUT_FEW)
 
-PLANNED = "planned"
+PLANNED, POVRAY = "planned", "povray"
 
 CONFIGURATIONS = (
     Configuration(PLANNED, "plugin", "the plugin as it is", _whitted),
@@ -241,8 +245,7 @@ CONFIGURATIONS = (
     Configuration("horizon", "skip", "and shadow rays are sent there", _whitted, (_BRANCHLESS, _ASK_ALL)),
     Configuration("rows", "skip", "pixels row by row, not in tiles", _whitted, (_ROW_BY_ROW,)),
     Configuration("incoherent", "skip", "Embree is not told that rays are coherent", _whitted, (_incoherent,)),
-    Configuration("sphere", "remedy", "the hit on a sphere is o + t d", _whitted, (_PLAIN_SPHERE,)),
-    Configuration("plane", "remedy", "the hit on a plane is not pulled back onto it", _whitted, (_PLAIN_PLANE,)),
+    Configuration("single", "remedy", "hits, normals and mirrors in single precision too", _whitted, (_single,)),
     Configuration("power", "remedy", "(n.h)^p from the rounded cosine", _whitted, (_PLAIN_POWER,)),
     Configuration("epsilon", "remedy", "the textbook's epsilon, 1e-4, on all rays", _with_epsilon),
     Configuration("ray_test", "remedy", "shadow rays of balls by Mitsuba's `ray_test`", _whitted, (_RAY_TEST,)),
@@ -252,7 +255,7 @@ CONFIGURATIONS = (
         "remedy",
         "none of the remedies",
         _with_epsilon,
-        (_PLAIN_SPHERE, _PLAIN_PLANE, _PLAIN_POWER, _not_robust),
+        (_single, _PLAIN_POWER, _not_robust),
     ),
     Configuration(
         "path",
@@ -275,6 +278,7 @@ CONFIGURATIONS = (
         "Mitsuba's `direct`, its own diffuse and conductor",
         _native({"type": "direct"}, native_materials=True),
     ),
+    Configuration(POVRAY, "peer", "POV-Ray: the time that it traces", None),
     Configuration("scalar", "peer", "the plugin in scalar_rgb", _whitted, variant="scalar_rgb", side=32),
     Configuration("reference", "peer", "the reference tracer in plain Python", _reference, variant="", side=32),
 )

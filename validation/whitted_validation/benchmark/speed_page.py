@@ -7,6 +7,7 @@ results.json, besides what every command writes
     targets    one object a target: target, measured, verdict (met, not met, not measured)
     scenes     by letter: title, size, rays by kind, rays_per_second (millions; of wall and of CPU time), plan,
         launch (s), edits (kernels compiled after each), facts (of the planned kernel), note, and
+        povray (of one of its pictures: version, rays, shadow_rays, and parse, the s that it takes to read the scene),
         rows   one object a configuration: name, family, words, note, off (share of pixels), facts, comparison
     random     by seed: the row of the general kernel
     sizes      by size: facts;    large: side, peak_mb, stopped;    starts: cold and warm
@@ -170,6 +171,14 @@ def _scene(kind: str, measured: Measured) -> Group:
             parts.append(Table(columns, rows, words))
     if measured.plan:
         parts.append(Markup(f"<pre>{html.escape(measured.plan)}</pre>"))
+    if measured.povray:
+        p = measured.povray
+        parts.append(
+            Sentence(
+                f"POV-Ray {p.version} draws the same picture with {p.rays:,} rays from camera and mirrors and "
+                f"{p.shadow_rays:,} towards lights, after {p.parse:.2f} s to read the scene, which are not counted."
+            )
+        )
     if measured.note:
         parts.append(Sentence(measured.note, "bad"))
     return Group(f"Scene {kind}: {measured.title}", parts, note)

@@ -7,16 +7,12 @@ drift favours neither. Each pair gives a ratio; the median of these is the resul
 from __future__ import annotations
 
 import math
-import os
 import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 from whitted_validation.benchmark.speed_worker import Facts, Sample
-
-TICK = 1 / os.sysconf("SC_CLK_TCK")
-"""Seconds: systems that count a process's CPU time in ticks count in these."""
 
 CONFIDENCE = 0.95
 
@@ -90,10 +86,10 @@ def compare(
     Parameters
     ----------
     pairs : how many
-    share_of_tick : a sample takes so long that a tick of the CPU's clock is at most this share of it
+    share_of_tick : a sample takes so long that a tick of its clock is at most this share of it
     told : called after each pair
     """
-    pictures = tuple(max(1, math.ceil(TICK / share_of_tick / max(w.facts.one.cpu, 1e-9))) for w in (a, b))
+    pictures = tuple(max(1, math.ceil(w.facts.tick / share_of_tick / max(w.facts.one.cpu, 1e-9))) for w in (a, b))
     taken: list[tuple[Sample, Sample]] = []
     for number in range(pairs):
         first, second = ((a, pictures[0]), (b, pictures[1]))[:: -1 if number % 2 else 1]

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from whitted_validation.benchmark.speed import MIXED, Results
+from whitted_validation.benchmark.speed_configurations import POVRAY
 from whitted_validation.benchmark.speed_memory import MOST_MB, SIDE
 from whitted_validation.benchmark.speed_pairs import Interval
 
@@ -18,6 +19,9 @@ MOST_OF_LIMIT = {"a": 0.65, "b": 0.75, "c": 1.30, MIXED: 1.35, "e": 1.35, "f": 1
 
 LEAST_GAIN = {"a": 3.0, "b": 2.2, "c": 1.7}
 """CPU time of Mitsuba's `path` with the same materials over that of the plugin."""
+
+LEAST_POVRAY = {"a": 25.0, "b": 25.0, "c": 25.0}
+"""Wall time that POV-Ray traces, over that of the plugin."""
 
 MOST_BYTES = 12.0
 """A pixel: three float32."""
@@ -50,8 +54,12 @@ def outcomes(results: Results) -> Iterator[Outcome]:
         yield _at_most(f"scene {kind}: at most {most:g} of the CPU time of the bare rays", over_limit, most)
     for kind, least in LEAST_GAIN.items():
         gain = _ratio(results, kind, "path", lambda ratio: ratio)
-        met = None if gain is None or math.isnan(gain.low) else gain.low >= least
-        yield Outcome(f"scene {kind}: `path` takes at least {least:g} times the CPU time", _said(gain), met)
+        yield _at_least(f"scene {kind}: `path` takes at least {least:g} times the CPU time", gain, least)
+    for kind, least in LEAST_POVRAY.items():
+        measured = results.scenes.get(kind)
+        row = measured.row(POVRAY) if measured else None
+        gain = row.comparison.wall if row and row.comparison else None
+        yield _at_least(f"scene {kind}: POV-Ray traces for at least {least:g} times the wall time", gain, least)
     yield _never_slower(results)
     yield _memory(results)
     yield _large(results)
@@ -69,6 +77,10 @@ def _ratio(results: Results, kind: str, name: str, turn: Callable[[Interval], In
 
 def _at_most(target: str, ratio: Interval | None, most: float) -> Outcome:
     return Outcome(target, _said(ratio), None if ratio is None or math.isnan(ratio.high) else ratio.high <= most)
+
+
+def _at_least(target: str, ratio: Interval | None, least: float) -> Outcome:
+    return Outcome(target, _said(ratio), None if ratio is None or math.isnan(ratio.low) else ratio.low >= least)
 
 
 def said(ratio: Interval) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import resource
 import signal
 import statistics
@@ -17,6 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from whitted_validation.benchmark.speed_configurations import BY_NAME, Configuration, Unavailable
+
+TICK = 1 / os.sysconf("SC_CLK_TCK")
+"""Seconds: systems that count a process's CPU time in ticks count in these."""
 
 PATIENCE = 300.0
 """Seconds without an answer after which a process is given up."""
@@ -49,6 +53,7 @@ class Facts:
     operations : in them, by Dr.Jit's count
     loaded_mb, first_mb, peak_mb : most memory of the process before the first picture, after it, after several
     one : seconds for a picture
+    tick : of the clock that times it, in seconds
     """
 
     side: int
@@ -58,6 +63,7 @@ class Facts:
     first_mb: float
     peak_mb: float
     one: Sample
+    tick: float = TICK
 
 
 class Failed(Exception):
@@ -148,6 +154,8 @@ class _Bench:
 
             mi.set_variant(configuration.variant)
             mi.set_log_level(mi.LogLevel.Error)
+        if configuration.prepare is None:
+            raise Unavailable(f"{configuration.name} is another program")
         for change in configuration.changes:
             change()
         self.side = min(size, configuration.side or size)

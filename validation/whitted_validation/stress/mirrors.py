@@ -1,4 +1,4 @@
-"""Chains of mirrors: how far float32 carries a ray before it is somewhere else."""
+"""Chains of mirrors: how far rounding lets a ray come before it is somewhere else."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from whitted_validation.stress.case import Case, Outcome, U, limited
+from whitted_validation.stress.case import Case, Outcome, limited
 from whitted_validation.stress.geometry import (
     GENERAL,
     Array,
@@ -33,7 +33,7 @@ LARGEST_MEDIAN = 1e-4
 """The promise: median error of the point met after 64 bounces, in sizes of the scene."""
 
 PER_BOUNCE = 6.0
-"""Roundings, in u, that a bounce may add: 4 of point and normal, and 1.37 times as many with all bounces before."""
+"""Roundings, in v = 2^-53, that a bounce may add: 4 of point and normal, and 1.37 times as many with all before."""
 
 
 def cases() -> Iterator[Case]:
@@ -43,7 +43,7 @@ def cases() -> Iterator[Case]:
         yield Case("mirror chains", f"parallel mirrors, scale {scale:g}", median, partial(_parallel, scale=scale))
         yield Case("mirror chains", f"inside a ball, scale {scale:g}", median, partial(_inside, scale=scale))
     statement = (
-        f"between balls a radius apart the median error after b bounces is at most {PER_BOUNCE:g} u 3.73^b (b = 8)"
+        f"between balls a radius apart the median error after b bounces is at most {PER_BOUNCE:g} v 3.73^b (b = 8)"
     )
     yield Case("mirror chains", "two convex balls", statement, _convex)
 
@@ -138,6 +138,6 @@ def _convex(trial: Trial) -> Outcome:
     return limited(
         "after 8",
         errors[bounces],
-        PER_BOUNCE * U * growth**bounces,
+        PER_BOUNCE * 2.0**-53 * growth**bounces,
         **{f"after {b} bounces": errors[b] for b in (1, 2, 4, 8)},
     )

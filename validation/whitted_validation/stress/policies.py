@@ -86,21 +86,23 @@ def _spawn_ray() -> Patches:
     def hit(self: Any, found: Any, _ray: Any, _with_uv: bool) -> Any:
         ray, pi = self._searches[0].asked
         si = pi.compute_surface_interaction(ray, mi.RayFlags.All, found.valid)
-        return Hit(found.shape, si.p, mi.Normal3f(si.sh_frame.n), si.n, si.uv, mi.Vector3f(0))
+        n, n_g = mi.Normal3d(si.sh_frame.n), mi.Normal3d(si.n)
+        return Hit(found.shape, mi.Point3d(si.p), n, n_g, si.uv, mi.Vector3f(0))
 
     def spawned(p: Any, n_g: Any, d: Any) -> Any:
         length = (1 + dr.max(dr.abs(p))) * RAY_EPSILON
         return p + dr.select(dr.dot(n_g, d) < 0, -length, length) * n_g
 
     def ray_from(o: Any, d: Any, end: Any) -> Any:
-        return Ray(mi.Point3f(o), mi.Vector3f(d), mi.Float(0), mi.Float(end), mi.Vector3f(0), mi.UInt32(NOTHING))
+        return Ray(mi.Point3d(o), mi.Vector3d(d), mi.Float(0), mi.Float(end), mi.Vector3f(0), mi.UInt32(NOTHING))
 
     def leaving(_stage: Any, _plan: Any, hit: Any, n_g: Any, d: Any, end: Any) -> Any:
-        return ray_from(spawned(hit.p, n_g, d), d, end)
+        return ray_from(spawned(mi.Point3f(hit.p), n_g, mi.Vector3f(d)), d, end)
 
     def shadow_ray(_stage: Any, _plan: Any, hit: Any, n_g: Any, light: Any) -> Any:
-        o = spawned(hit.p, n_g, light.l)
-        there = hit.p + light.distance * light.l - o
+        p = mi.Point3f(hit.p)
+        o = spawned(p, n_g, light.l)
+        there = p + light.distance * light.l - o
         length = dr.norm(there)
         is_near = light.distance < dr.inf
         return ray_from(

@@ -101,7 +101,7 @@ class Trial:
 
         def note(what: str, **values: Any) -> None:
             if what == "surface":
-                points.append(np.array(mi.Vector3f(values["p"]), np.float64).T + centre)
+                points.append(np.array(values["p"], np.float64).T + centre)
                 found.append(np.array(values["found"]))
 
         ray = mi.Ray3f(mi.Point3f(o.T.astype(np.float32)), mi.Vector3f(d.T.astype(np.float32)))

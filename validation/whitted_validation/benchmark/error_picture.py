@@ -1,0 +1,63 @@
+"""One picture of a curve: how far it is off the converged one, and what it costs beside one sample a pixel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whitted_validation.benchmark.error_curves import Point
+from whitted_validation.benchmark.error_drawing import Draw, Image, Timed, pixels
+from whitted_validation.benchmark.error_schedule import Schedule
+from whitted_validation.benchmark.speed_pairs import Comparison, compare
+from whitted_validation.benchmark.speed_pairs import Timed as Clocked
+from whitted_validation.comparison import compare as compare_pictures
+
+MISSED = 1e-2
+"""A pixel with a hidden feature is missed if a channel is off by more."""
+
+TICK = 0.1
+"""A tick of the CPU's clock is at most this share of a sample."""
+
+
+def picture_point(
+    way: str,
+    knob: float,
+    draw: Draw,
+    truth: Image,
+    schedule: Schedule,
+    one: Timed | None = None,
+    traced: float | None = None,
+    hidden: Any = None,
+) -> Point:
+    """Draw one picture, compare it with the converged one, and take its time beside one sample a pixel."""
+    drawn = pixels(draw)
+    costs = None
+    if one is not None:
+        timed = Timed(draw, len(truth))
+        costs = cost(one, timed, timed.facts.one.wall, schedule)
+    return compared(way, knob, drawn, truth, costs, traced, hidden)
+
+
+def cost(one: Timed, other: Clocked, seconds: float, schedule: Schedule) -> Comparison:
+    """Take the time of a way to draw, for whose picture one waits so many seconds, beside one sample a pixel."""
+    a_pair = 2 * max(seconds, TICK)
+    pairs = max(1, min(schedule.pairs, int(schedule.patience / a_pair)))
+    return compare(one, other, pairs, TICK)
+
+
+def compared(
+    way: str,
+    knob: float,
+    drawn: NDArray[Any],
+    truth: Image,
+    costs: Comparison | None,
+    traced: float | None,
+    hidden: NDArray[np.bool_] | None,
+) -> Point:
+    """Compare a picture with the converged one."""
+    found = compare_pictures(drawn, truth)
+    missed = None if hidden is None else int(np.count_nonzero(hidden & (found.error > MISSED)))
+    p999 = dict(found.percentiles)[99.9]
+    return Point(way, knob, found.rmse, p999, found.largest, found.flip.mean, traced, costs, missed)
