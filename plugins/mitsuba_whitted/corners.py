@@ -57,16 +57,22 @@ def from_corners(some: Cells) -> Estimate:
 
 def _range_around(some: Cells, where: Any, low: Any, high: Any) -> tuple[Any, Any]:
     """Widen a range by all samples of the lattice next to the corners: in fine texture those are alike by chance."""
-    for x, y in itertools.product(range(-1, 3), repeat=2):
-        if 0 <= x <= 1 and 0 <= y <= 1:
-            continue
-        i, j = mi.Int32(some.i) + x, mi.Int32(some.j) + y
-        there = where & (i >= 0) & (j >= 0) & (i < mi.Int32(some.across)) & (j < mi.Int32(some.down))
-        sample = mi.UInt32(mi.Int32(some.corner) + x + y * mi.Int32(some.across))
-        colour = dr.gather(mi.Vector4f, some.colours, sample, there)
-        low = dr.select(there, dr.minimum(low, colour), low)
-        high = dr.select(there, dr.maximum(high, colour), high)
-    return low, high
+
+    def widened() -> tuple[Any, Any]:
+        wide_low, wide_high = low, high
+        for x, y in itertools.product(range(-1, 3), repeat=2):
+            if 0 <= x <= 1 and 0 <= y <= 1:
+                continue
+            i, j = mi.Int32(some.i) + x, mi.Int32(some.j) + y
+            there = where & (i >= 0) & (j >= 0) & (i < mi.Int32(some.across)) & (j < mi.Int32(some.down))
+            sample = mi.UInt32(mi.Int32(some.corner) + x + y * mi.Int32(some.across))
+            colour = dr.gather(mi.Vector4f, some.colours, sample, there)
+            wide_low = dr.select(there, dr.minimum(wide_low, colour), wide_low)
+            wide_high = dr.select(there, dr.maximum(wide_high, colour), wide_high)
+        return wide_low, wide_high
+
+    around: tuple[Any, Any] = dr.if_stmt((), where, widened, lambda: (low, high), label="range")  # seldom: skipped
+    return around
 
 
 def _bend(some: Cells) -> Any:
