@@ -17,13 +17,13 @@ from mitsuba_whitted.water import levels
 
 # Fitted as told in `antialias`.
 
-NEAR = 1.0
+NEAR = 0.7
 """Checks of a pixel next to one of several paths, where what one pixel may hide is as much as the whole target."""
 
 FAR = 0.25
 """The same of all others, of which most show nothing."""
 
-LEAST_FAR = 0.5
+LEAST_FAR = 1.2
 """With fewer than this, those are not checked at all."""
 
 MOST_CHECKS = 32
