@@ -82,7 +82,7 @@ class Camera:
         if self.kind == "OrthographicCamera":
             return camera_ray(mi.Point3d(eye + on_plane), forward, 0, far)
         length = dr.norm(on_plane)  # of the direction whose component along the camera's z is 1
-        d = on_plane / length
+        d = on_plane * dr.rcp(length)
         return camera_ray(mi.Point3d(eye), d, x0_y0_near.z * mi.Float(length), far * mi.Float(length))
 
     def _affine_map(self) -> tuple[Any, ...]:

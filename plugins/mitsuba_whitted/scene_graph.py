@@ -50,9 +50,10 @@ class SceneGraph:
             (shape for shape in self.shapes if shape.class_name() != "Instance"),
             key=lambda shape: shape.class_name() in ("Rectangle", "Disk"),
         )
-        self.all_shapes = self.plain + [member for group in self.groups for member in self.members[group]]
-        """Every shape that a ray can meet."""
         self.group_of = self._groups_of_instances()
+        placed = [group for group in self.groups if group in self.group_of.values()]
+        self.all_shapes = self.plain + [member for group in placed for member in self.members[group]]
+        """Every shape that a ray can meet: a group that no instance places is not drawn."""
         self.bsdfs = [shape.bsdf() for shape in self.all_shapes]
 
         self._shape_values = self._values_of(lambda owner: isinstance(owner, mi.Shape))

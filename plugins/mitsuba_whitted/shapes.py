@@ -97,8 +97,9 @@ def row_of(graph: SceneGraph, shape: mi.Shape, centre: Vector) -> Row:
 
 
 def _single_length(v: Vector) -> float:
-    """Length of a vector of float32 numbers as Mitsuba computes a radius: in single precision, fused as Dr.Jit does."""
-    square = np.float32(0)
-    for x in v:
-        square = np.float32(x * x + float(square))
-    return float(np.sqrt(square))
+    """Length of a vector of float32 numbers as Mitsuba's scalar variants compute a radius, x and z first.
+
+    Those that compile fuse products and sums, so that theirs may differ in the last bit: the picture does not.
+    """
+    x, y, z = v.astype(np.float32)
+    return float(np.sqrt(x * x + z * z + y * y))

@@ -125,24 +125,27 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
 
     met = stage.surfaces.first_hit(ray, chain.active, plan.inside)
     found = chain.active & met.valid
+    background = mi.Spectrum(0)
     if plan.background:
-        missed = sees_lamps & (found ^ True)
-        colour = dr.select(missed, stage.background(mi.Vector3f(ray.d), missed), colour)
+        sees_sky = sees_lamps & (found ^ True)
+        background = dr.select(sees_sky, stage.background(mi.Vector3f(ray.d), sees_sky), 0)
 
-    note("emitted", colour=colour)
+    note("emitted", colour=background)
     if not plan.mirrors:
 
         def shaded() -> tuple[Any, Any, Any]:
-            return _shaded(stage, plan, chain, _surface(stage, plan, chain, met, found, note), colour, note)
+            return _shaded(stage, plan, chain, _surface(stage, plan, chain, met, found, note), background, note)
+
+        def missed() -> tuple[Any, Any, Any]:
+            return background, mi.UInt32(0), chain.path
 
         # A branch: a vector of rays that all miss does nothing more. Inside a loop Dr.Jit nests no branches.
-        missed = (colour, mi.UInt32(0), chain.path)
-        colour, shadow_rays, path = dr.if_stmt((), found, shaded, lambda: missed, label="surface")
+        colour, shadow_rays, path = dr.if_stmt((), found, shaded, missed, label="surface")
         note("sum", colour=colour)
         return chain._replace(colour=colour, hit=found, shadow_rays=shadow_rays, path=path)
 
     surface = _surface(stage, plan, chain, met, found, note)
-    colour, shadow_rays, path = _shaded(stage, plan, chain, surface, colour, note)
+    colour, shadow_rays, path = _shaded(stage, plan, chain, surface, background, note)
     note("sum", colour=colour)
     k_m = surface.coefficient(stage.materials.k_m)
     throughput = chain.throughput * k_m

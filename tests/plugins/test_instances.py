@@ -125,6 +125,19 @@ def test_two_groups_are_told_apart(any_rgb: str) -> None:
     assert {float(value) for value in np.unique(picture)} >= {0.0, 0.125, 0.25}  # I_a = 0.5 times k_a, exactly
 
 
+@pytest.mark.parametrize("plain", [{}, {"ball": {"type": "sphere", "center": [0.0, 3.0, 0.0], "radius": 0.5}}])
+def test_a_group_that_nothing_places_is_not_drawn(any_rgb: str, plain: dict[str, Any]) -> None:
+    def seen(contents: dict[str, Any]) -> np.ndarray:
+        sky = {"type": "constant"}
+        view = {"type": "perspective", "to_world": mi.ScalarTransform4f().look_at([0, 0, 9], [0, 0, 0], [0, 1, 0])}
+        film = {"type": "hdrfilm", "width": 8, "height": 8, "rfilter": {"type": "box"}}
+        parts = {"integrator": {"type": "whitted"}, "sensor": {**view, "film": film}, "sky": sky}
+        return np.array(mi.render(mi.load_dict({"type": "scene", **parts, **contents}), spp=1))
+
+    group = {"group": {"type": "shapegroup", "member": {"type": "sphere", "radius": 2.0}}}
+    assert np.array_equal(seen({**plain, **group}), seen(plain))
+
+
 def test_many_instances_cost_no_virtual_calls(llvm_ad_rgb: str) -> None:
     # The second picture compiles and calls nothing for each instance: Python's share stays that of a few shapes.
     places = [mi.ScalarTransform4f().translate([i % 20 - 10, i // 20 - 5, 0]).scale(0.2) for i in range(200)]
