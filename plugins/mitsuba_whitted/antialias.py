@@ -49,7 +49,7 @@ FOLLOWED = 8
 MORE_CHECKS = 4
 """Checks there, besides those that a pixel needs anyway."""
 
-AIM = 0.8
+AIM = 0.7
 """Aimed at, in parts of the target error, for what is not foreseen."""
 
 LEAST_BUDGET = 0.15

@@ -71,7 +71,10 @@ def _range_around(some: Cells, where: Any, low: Any, high: Any) -> tuple[Any, An
             wide_high = dr.select(there, dr.maximum(wide_high, colour), wide_high)
         return wide_low, wide_high
 
-    around: tuple[Any, Any] = dr.if_stmt((), where, widened, lambda: (low, high), label="range")  # seldom: skipped
+    def same() -> tuple[Any, Any]:
+        return low, high
+
+    around: tuple[Any, Any] = dr.if_stmt((), where, widened, same, label="range")  # a branch: it is seldom needed
     return around
 
 

@@ -26,7 +26,7 @@ FAR = 0.25
 LEAST_FAR = 1.2
 """With fewer than this, those are not checked at all."""
 
-MOST_CHECKS = 32
+MOST_CHECKS = 128
 
 
 def checks(pixels: Cells, estimate: Estimate, histogram: NDArray[np.float64], target: float, count: int) -> Any:
