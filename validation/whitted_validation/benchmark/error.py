@@ -21,7 +21,7 @@ from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
-FROZEN = "a6de233f2dff83aaacd0d77cb63d98e56d681b01"
+FROZEN = "dcbafd318a42caeb037310b243031594e3da893b"
 """The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
 here: nobody could know them before.
 """
