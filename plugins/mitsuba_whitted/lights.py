@@ -14,7 +14,7 @@ from mitsuba_whitted import precise
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.materials import constant
 from mitsuba_whitted.scene_graph import SceneGraph, number
-from mitsuba_whitted.tables import column, fetch, opaque
+from mitsuba_whitted.tables import column, double_column, fetch, opaque
 from mitsuba_whitted.transforms import matrix_of
 
 UNROLL = 16
@@ -50,7 +50,7 @@ class Lights:
         self.count = len(rows)
         self.where = [np.array(row[:3]) for row in rows]
         """Position of each, or the unit vector towards it if it is directional."""
-        self._rows = column(np.reshape(rows, (-1, 3)))
+        self._rows = double_column(np.reshape(rows, (-1, 3)))
         self._width = len(rows[0]) // 3
         self._colours = column(radiant)
         self._opaque_count = opaque(mi.UInt32(self.count))
@@ -75,30 +75,31 @@ class Lights:
 
     def _sample(self, i: Any, p: Any, inverse_square: bool) -> Sample:
         def vector(j: int) -> Any:
-            return fetch(mi.Vector3f, self._rows, i * self._width + j)
+            return fetch(mi.Vector3d, self._rows, i * self._width + j)
 
         colour = fetch(mi.Spectrum, self._colours, i)
         name = mi.UInt32(i + _KIND_NUMBERS[self.kind]) * mi.UInt32(GOLDEN)
         if self.kind == "directional":
-            return Sample(vector(0), colour, mi.Float(dr.inf), mi.Bool(True), mi.Float(dr.inf), name)
+            return Sample(mi.Vector3f(vector(0)), colour, mi.Float(dr.inf), mi.Bool(True), mi.Float(dr.inf), name)
 
         position = vector(0)
-        to_light = mi.Vector3f(mi.Point3d(position) - p)
+        exactly = position - mi.Vector3d(p)
+        to_light = mi.Vector3f(exactly)
         distance = dr.norm(to_light)
         away = distance > 0
         l = dr.select(away, to_light * dr.rcp(distance), 0)  # noqa: E741
-        reaches = away
+        reaches: Any = away
         if self.kind == "spot":
-            x, y, z = (-dr.dot(vector(j), l) for j in (1, 2, 3))
-            theta = dr.atan2(dr.sqrt(x * x + y * y), z)
+            x, y, z = (-dr.dot(vector(j), exactly) for j in (1, 2, 3))
+            theta = dr.atan2(dr.sqrt(x * x + y * y), z)  # in double: the ramp may be as narrow as one likes
             cutoff, beam, slope = vector(4)
-            f = dr.select(theta <= beam, 1, dr.maximum(cutoff - theta, 0) * slope)
+            f = mi.Float(dr.select(theta <= beam, 1, dr.maximum(cutoff - theta, 0) * slope))
             colour *= f
-            reaches &= f > 0
+            reaches = reaches & (f > 0)
         if inverse_square:
             colour = dr.select(away, colour * dr.rcp(distance * distance), 0)
         # The light's own coordinates are exact; those of a surface at it are right to a few u of them.
-        end = distance * precise.SHADOW_END - 4 * precise.UNIT_ROUNDOFF * dr.sum(dr.abs(position))
+        end = distance * precise.SHADOW_END - 4 * precise.UNIT_ROUNDOFF * dr.sum(dr.abs(mi.Vector3f(position)))
         return Sample(l, colour, distance, reaches, end, name)
 
 

@@ -15,7 +15,7 @@ import shutil
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,7 +29,7 @@ from whitted_validation.bounds import Means
 from whitted_validation.refusal import Refusal
 from whitted_validation.shrink import shrunk
 from whitted_validation.validation import processes, validate
-from whitted_validation.verdict import Status
+from whitted_validation.verdict import Judgement, Status
 
 SOLIDS = ("sphere", "rectangle", "disk", "cylinder", "cube", "obj", "ply", "polygon")
 MESHES = {"obj": ("icosahedron", "octahedron", "tetrahedron", "dodecahedron", "cube"), "ply": ("vase",)}
@@ -309,6 +309,17 @@ def cut_down(file: Path, executor: Executor | None = None, variant: str | None =
     return small
 
 
+def _far_off(judgement: Judgement) -> Iterator[str]:
+    """Say of each pixel that is far off why it may be."""
+    reasons = {(each.x, each.y): ", ".join(each.reasons) for each in judgement.differences}
+    off = np.abs(judgement.picture - judgement.bounds.colour).max(axis=2)
+    for y, x in np.argwhere(off > FAR_OFF).tolist():
+        what = Status(int(judgement.status[y, x])).name.lower()
+        colour, bound = judgement.bounds.colour[y, x].max(), judgement.bounds.bound[y, x].max()
+        why = reasons.get((x, y), f"within its bound {bound:.1e} of a colour of {colour:.2g}")
+        yield f"pixel ({x}, {y}) is off by {off[y, x]:.1e}, {what}: {why}"
+
+
 @click.command()
 @click.option("--count", default=200, help="Number of scenes.")
 @click.option("--first", default=0, help="Seed of the first.")
@@ -328,9 +339,7 @@ def main(count: int, first: int, keep: str | None) -> None:
             verdict = validate(file, executor=workers)
             judgement = verdict.judgement
             errors.append(np.abs(judgement.picture - judgement.bounds.colour).max(axis=2).astype(np.float32).ravel())
-            for difference in judgement.differences:
-                if verdict.good and difference.error > FAR_OFF:
-                    click.echo(f"seed {seed}: {difference}")
+            click.echo("".join(f"seed {seed}: {line}\n" for line in _far_off(judgement)), nl=False)
             totals.update({status.name.lower(): judgement.count(status) for status in Status})
             totals.update({f"by {means.name.lower()}": int((judgement.bounds.means == means).sum()) for means in Means})
             if not verdict.good:

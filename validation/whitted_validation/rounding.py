@@ -328,7 +328,7 @@ class Rounding:
             theta = source.angle(*l)
             off = self.cone_error(source, hit, l, distance)
             if theta + off > source.beam:
-                relative += off / ((source.cutoff - source.beam) * share)
+                relative += off / ((source.cutoff - source.beam) * share) + U
         return form, relative, reach + 4 * U * distance
 
     def cone_error(self, source: Spot, hit: Matrix, l: Matrix, distance: float) -> float:  # noqa: E741
@@ -338,7 +338,7 @@ class Rounding:
         least = float(np.linalg.norm(local @ l))
         off = (np.outer(l, l @ hit) - hit) / distance
         theta = float(source.angle(*l))
-        return stretch * (length(off) + CONE_PLACE) / least + ARC_TANGENT * theta + U * float(source.cutoff)
+        return stretch * (length(off) + CONE_PLACE) / least + ARC_TANGENT * theta + V * float(source.cutoff)
 
     def _highlight(
         self,

@@ -29,6 +29,10 @@ PLANE_SLOPE = 6 * V
 SPHERE_DISTANCE = 8.5 * V
 # A reflected direction d - 2 (d.n) / (n.n) n: two dot products of 3, quotient 1, product 1, twice; sum 1.
 REFLECTED = 17 * V
+# The place in a spot light's cone: three dot products with rounded rows (4), root 3; relative to |M^-1|.
+CONE_PLACE = 7 * V
+# An arc tangent, relative to the angle.
+ARC_TANGENT = 4 * V
 # A point brought through a matrix: matrix 1, dot product 3, sum 1 (and the same for a direction, plus its length 3).
 PLACED = 8 * V
 # Barycentric weights, relative to the longest side squared / |e1 x e2|: differences 2, two cross products 3 each,
@@ -46,10 +50,6 @@ TO_LIGHT = 6 * U
 COSINE = UNIT_VECTOR + TO_LIGHT + 3 * U
 # 1 / distance^2: the squared length twice, a reciprocal and a product; times intensity and a term.
 IRRADIANCE = 10 * U
-# The place in a spot light's cone: three dot products with rounded rows (4), root 3; relative to |M^-1|.
-CONE_PLACE = 7 * U
-# An arc tangent, relative to the angle.
-ARC_TANGENT = 4 * U
 # k_d (n.l) + k_s f times I: two products and a sum each, and k itself rounded.
 TERM = 5 * U
 # exp2(p log2(1 - y)): the chord carries its own roundings (see below), exp2 and log2 two each.
