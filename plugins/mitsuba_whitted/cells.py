@@ -108,7 +108,7 @@ def pixels(look: Look, width: int, top: int, bottom: int) -> Cells:
     i, j = dr.minimum(i, size.x - 1), dr.minimum(j, size.y - 1)
     x, y, step = mi.Float(i), mi.Float(j + size.z), opaque(mi.Float(1))
     cells = Cells(x, y, j * across + i, inside, i, j, across, down, step, colours, paths, samples)
-    dr.eval(cells)
+    dr.eval(*cells[:-1])
     return cells
 
 
@@ -156,5 +156,5 @@ def quarters(look: Look, cells: Cells, split: Any) -> Cells:
     colour, path = look(x, y, mi.Bool(True))
     dr.scatter(colours, colour, 9 * parent + k)
     dr.scatter(paths, path, 9 * parent + k)
-    dr.eval(parts)
+    dr.eval(*parts[:-1])
     return parts

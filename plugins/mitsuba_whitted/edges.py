@@ -8,11 +8,9 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, norm
+from mitsuba_whitted.corners import OF_RANGE
 
 # Fitted as told in `antialias`.
-
-OF_RANGE = 0.3
-"""Two colours that differ by less than what makes this an error below the limit need no edge: see `antialias`."""
 
 CROSSING = 0.4
 """Error of a cell, in parts of its contrast, for each part of a side within which the crossing is not known."""
@@ -41,11 +39,21 @@ OF_CHANGE = 0.25
 SIMPSON = 0.3
 """Error of Simpson's rule, in parts of the change that it makes."""
 
+OF_EDGE = 0.3
+"""Error of a cell with an edge at least, in parts of the limit."""
+
 FINEST = 2.0**-10
 """No position is sought finer than this part of a side: edges are not straighter than that."""
 
-_SEARCH, _AT_A, _AT_B, _CENTRE, _OVER = range(5)
-"""Phases of a look: for the bulge of the edge, at the centroid of either part, at the centre of the cell; done."""
+SURPRISE = 0.7
+"""Error, in parts of what a sample differs from what was expected there."""
+
+GOLDEN = 0.7548776662, 0.5698402910
+"""Steps of checks: 1 / g and 1 / g^2 with g^3 = g + 1, for which points are spread most evenly (Roberts 2018)."""
+
+_SEARCH, _AT_A, _AT_B, _CENTRE, _CHECK, _OVER = range(6)
+"""Phases of a look: for the bulge of the edge, at the centroid of either part, at the centre of the cell, wherever
+something may hide; done."""
 
 
 class _Parts(NamedTuple):
@@ -68,13 +76,14 @@ class _Parts(NamedTuple):
     """Whether a crossing of one of the sides was not found."""
 
 
-def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, limit: Any) -> None:
+def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks: Any, limit: Any) -> None:
     """Take samples inside cells of one path, and find the edge in those of two.
 
-    Updates the estimates of the cells `close`; where that fails, or the error is still above `limit`, they are
-    left as they are.
+    Then it takes so many `checks` of each, spread evenly. Updates the estimates of the cells `close`; where what is
+    seen does not fit, or the error is still above `limit`, the values are left as they are.
     """
-    two = dr.gather(mi.UInt32, estimate.kind, close) == Kind.EDGE.value
+    kind = dr.gather(mi.UInt32, estimate.kind, close)
+    two, several = kind == Kind.EDGE.value, kind == Kind.CLUTTER.value
     here = cells.some(close)
     parts = _cut(here, _crossings(look, cells, close, two, limit), two)
     area = here.step * here.step
@@ -86,18 +95,28 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, limit:
     ask_a = is_edge & (CENTROID * weight * parts.area_a > limit)
     ask_b = is_edge & (CENTROID * weight * (1 - parts.area_a) > limit)
 
-    after_a = dr.select(ask_b, mi.UInt32(_AT_B), _OVER)
+    checked = dr.select(checks > 0, mi.UInt32(_CHECK), _OVER)
+    after_a = dr.select(ask_b, mi.UInt32(_AT_B), checked)
     after_search = dr.select(ask_a, mi.UInt32(_AT_A), after_a)
     of_edge = dr.select(fine < LARGEST_SEARCH, mi.UInt32(_SEARCH), after_search)
     failed = is_edge & parts.unclear
     start = dr.select(failed, mi.UInt32(_OVER), dr.select(is_edge, of_edge, mi.UInt32(_CENTRE)))
 
-    def step(phase: Any, outward: Any, low: Any, high: Any, colour_a: Any, colour_b: Any, failed: Any) -> Any:
+    corners = [here.colour(sample) for sample in here.corners()]
+    along = mi.Vector2f(-parts.away.y, parts.away.x)
+
+    def step(
+        phase: Any, k: Any, outward: Any, low: Any, high: Any, colour_a: Any, colour_b: Any, failed: Any, off: Any
+    ) -> Any:
         """Look once. The bulge lies between `low` and `high`, to B if `outward` is 1, to A if it is -1."""
         first = outward == 0
         bulge = dr.select(first, 0, dr.select(high > 1, dr.maximum(fine, 4 * low), 0.5 * (low + high)))
         at_centroid = dr.select(phase == _AT_A, parts.centroid_a, parts.centroid_b)
         inside = dr.select(phase == _CENTRE, mi.Point2f(0.5), at_centroid)
+        checking = phase == _CHECK
+        k = dr.select(checking, k + 1, k)
+        place = mi.Point2f(0.5) + mi.Float(k) * mi.Point2f(*GOLDEN)
+        inside = dr.select(checking, place - dr.floor(place), inside)
         at = dr.select(phase == _SEARCH, parts.middle + outward * bulge * parts.away, inside)
         alive = phase != _OVER
         colour, path = look(dr.fma(at.x, here.step, here.x), dr.fma(at.y, here.step, here.y), alive)
@@ -114,32 +133,62 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, limit:
         failed |= searching & (~known | (low > LARGEST_BULGE))
         failed |= (phase == _AT_A) & ~(known & is_a)
         failed |= (phase == _AT_B) & ~(known & ~is_a)
-        failed |= (phase == _CENTRE) & (path != parts.path_a) & (path != parts.path_b)
+        failed |= (phase == _CENTRE) & ~several & (path != parts.path_a) & (path != parts.path_b)
+
+        from_middle = at - parts.middle
+        bulge = outward * 0.5 * (low + dr.select(high > 1, low, high))
+        share = 2 * dr.dot(from_middle, along) * dr.rcp(dr.maximum(parts.length, FINEST))
+        beyond = dr.dot(from_middle, parts.away) - bulge * (1 - share * share)
+        other_side = is_a == (beyond > 0)
+        expected = dr.select(is_edge, dr.select(is_a, colour_a, colour_b), _between(corners, at))
+        distance = norm(colour - expected)
+        unlike = area * SURPRISE * distance > limit
+        unlike |= is_edge & (~known | (other_side & (BULGE * weight * parts.length * dr.abs(beyond) > 2 * limit)))
+        failed |= (checking | (several & (phase == _CENTRE))) & unlike
+        off = dr.maximum(off, dr.select(failed, distance, 0))
         colour_a = dr.select((phase == _AT_A) | (phase == _CENTRE), colour, colour_a)
         colour_b = dr.select(phase == _AT_B, colour, colour_b)
-        following = dr.select(searching, after_search, dr.select(phase == _AT_A, after_a, mi.UInt32(_OVER)))
+        after_check = dr.select(checking & (k >= checks), mi.UInt32(_OVER), checked)
+        following = dr.select(searching, after_search, dr.select(phase == _AT_A, after_a, after_check))
         phase = dr.select(searching & ~found, phase, following)
-        return dr.select(failed, mi.UInt32(_OVER), phase), outward, low, high, colour_a, colour_b, failed
+        return dr.select(failed, mi.UInt32(_OVER), phase), k, outward, low, high, colour_a, colour_b, failed, off
 
-    state = (start, mi.Float(0), mi.Float(0), mi.Float(2), parts.mean_a, parts.mean_b, failed)
+    state = (
+        start,
+        mi.UInt32(0),
+        mi.Float(0),
+        mi.Float(0),
+        mi.Float(2),
+        parts.mean_a,
+        parts.mean_b,
+        failed,
+        mi.Float(0),
+    )
     looked: Any = dr.while_loop(state, lambda phase, *_: phase != _OVER, step, label="edges")
-    _, outward, low, high, colour_a, colour_b, failed = looked
+    _, _, outward, low, high, colour_a, colour_b, failed, off = looked
 
     bulge = outward * 0.5 * (low + dr.select(high > 1, low, high))
     area_a = dr.clip(parts.area_a + (2 / 3) * bulge * parts.length, 0, 1)  # Archimedes: a parabola over its chord
     of_edge = colour_a * area_a + colour_b * (1 - area_a)
     change = norm(colour_a - parts.mean_a) * area_a + norm(colour_b - parts.mean_b) * (1 - area_a)
-    edge_error = dr.maximum(area * change * OF_CHANGE, 0.5 * dr.minimum(limit, weight))
-    corners = sum(here.colour(sample) for sample in here.corners()) * 0.25
-    of_centre = (corners + 2 * colour_a) * (1 / 3)  # exact for polynomials up to the third degree
+    edge_error = dr.maximum(area * change * OF_CHANGE, OF_EDGE * dr.minimum(limit, weight))
+    of_corners = sum(corners) * 0.25
+    of_centre = (of_corners + 2 * colour_a) * (1 / 3)  # exact for polynomials up to the third degree
     value = dr.select(is_edge, of_edge, of_centre)
-    error = dr.select(is_edge, edge_error, area * norm(colour_a - corners) * SIMPSON)
-    error = dr.select(failed, dr.inf, error)
+    error = dr.select(is_edge, edge_error, area * norm(colour_a - of_corners) * SIMPSON)
+    before = dr.maximum(dr.gather(mi.Float, estimate.error, close), OF_RANGE * area * off)
+    error = dr.select(failed, dr.maximum(before, 1.001 * limit), error)
     dr.eval(value, error)  # here, since each scatter may start a kernel of its own
     good = error <= limit
     dr.scatter(estimate.value, value, close, good)
-    dr.scatter(estimate.error, error, close, good)
-    dr.eval(estimate)
+    dr.scatter(estimate.error, error, close)
+    dr.eval(*estimate)
+
+
+def _between(corners: list[Any], at: Any) -> Any:
+    """Interpolate the colours of the corners."""
+    upper = dr.lerp(corners[0], corners[1], at.x)
+    return dr.lerp(upper, dr.lerp(corners[3], corners[2], at.x), at.y)
 
 
 def _belongs(colour: Any, path: Any, colours: Any, paths: Any, contrast: Any, limit: Any) -> tuple[Any, Any]:

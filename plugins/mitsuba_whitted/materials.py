@@ -143,14 +143,17 @@ class Coefficient:
         return value
 
     def squares(self, material: Any, uv: Any, active: Any) -> Iterator[Any]:
-        """Tell the squares of checkerboards apart: for each of these the column and the row of the one at `uv`."""
-        boards = [(i, t) for i, t in enumerate(self.textures) if t.class_name().startswith("Checkerboard")]
-        number = fetch(mi.UInt32, self._numbers, material, active) if boards else None
-        for i, board in boards:
-            to_uv = np.array(self._graph.value(board, "to_uv").matrix, float).reshape(3, 3)
+        """Tell the squares of checkerboards and the texels of bitmaps apart: the column and the row of the one at `uv`.
+
+        Texels are counted by halves: a bitmap steps where they meet, or bends in the middle of each.
+        """
+        number = fetch(mi.UInt32, self._numbers, material, active) if self.textures else None
+        for i, texture in enumerate(self.textures):
+            periods = (1, 1) if texture.class_name().startswith("Checkerboard") else texture.resolution()
+            to_uv = np.array(self._graph.value(texture, "to_uv").matrix, float).reshape(3, 3)
             here = active & (number == i + 1)
-            for x, y, z in to_uv[:2]:
-                at = 2 * dr.fma(uv.x, float(x), dr.fma(uv.y, float(y), float(z)))  # in squares, two to a period
+            for (x, y, z), size in zip(to_uv[:2], periods, strict=True):
+                at = 2 * int(size) * dr.fma(uv.x, float(x), dr.fma(uv.y, float(y), float(z)))
                 yield dr.select(here, mi.UInt32(mi.Int32(dr.floor(at))), 0)
 
     def _number_of(self, graph: SceneGraph, texture: mi.Texture, owner: str, what: str) -> int:
@@ -208,7 +211,7 @@ class Materials:
         self.exponent = coefficient(mi.Float, "exponent", "exponent", MAX_EXPONENT)
 
     def squares(self, material: Any, uv: Any, active: Any) -> Iterator[Any]:
-        """Tell the squares of all checkerboards in row `material` apart."""
+        """Tell the squares of all checkerboards and bitmaps in row `material` apart."""
         shared = (self.k_a,) if self.k_a is not self.k_d else ()
         for coefficient in (self.k_d, self.k_s, self.k_m, self.exponent, *shared):
             yield from coefficient.squares(material, uv, active)

@@ -90,7 +90,7 @@ class Stage:
         return self.environment.eval(si, active)
 
     def squares(self, hit: Any, material: Any, active: Any) -> Iterator[Any]:
-        """Give numbers that tell apart the squares of all checkerboards that a surface wears."""
+        """Give numbers that tell apart the squares of checkerboards and the texels of bitmaps that a surface wears."""
         if not dr.is_jit_v(mi.Float):
             return  # scalar variants refine nothing, and stumble over the coordinates of what was not hit
         yield from self.materials.squares(material, hit.uv, active)

@@ -66,6 +66,15 @@ def centres(scene, size):
     return trace(stage, plan, camera.rays(x, y))
 
 
+def at_corners(scene, size):
+    """Trace the corners of all pixels of a square picture: what `trace` returns."""
+    from mitsuba_whitted.trace import trace  # its names need a variant
+
+    stage, camera, plan = scene.integrator()._prepare(scene, scene.sensors()[0])
+    x, y = (dr.ravel(part) for part in dr.meshgrid(*[dr.arange(mi.Float, size + 1)] * 2))
+    return trace(stage, plan, camera.rays(x, y))
+
+
 def rms(difference):
     return math.sqrt(np.mean(difference**2))
 
@@ -109,6 +118,47 @@ def test_the_squares_of_a_checkerboard_are_told_apart(llvm_ad_rgb, scene_of):
       <texture type="checkerboard" name="radiance"/></emitter></shape>"""
     scene = scene_of(board, size=(64, 64))
     assert rms(draw(scene, 3e-3) - grid(scene, 32)) <= 3e-3
+
+
+def test_texels_smaller_than_a_pixel_keep_the_target(llvm_ad_rgb, scene_of, tmp_path):
+    picture = np.random.default_rng(1).integers(0, 256, (48, 48, 3)).astype(np.uint8)
+    mi.Bitmap(picture).write(str(tmp_path / "noise.png"))
+    board = """<shape type="rectangle"><transform name="to_world"><rotate y="1" angle="180"/><scale value="9"/>
+      <rotate z="1" angle="20"/><translate z="6"/></transform><emitter type="area">
+      <texture type="bitmap" name="radiance"><string name="filename" value="{file}"/>
+      <string name="filter_type" value="{filter}"/><transform name="to_uv"><scale value="3"/></transform></texture>
+      </emitter></shape>"""
+    for name in ("nearest", "bilinear"):
+        scene = scene_of(board.format(filter=name, file=tmp_path / "noise.png"), size=(32, 32))
+        assert rms(draw(scene, 3e-3) - grid(scene, 64)) <= 3e-3
+
+
+def test_a_strip_that_no_corner_meets_is_found(llvm_ad_rgb, scene_of):
+    # 16 pixels long and a quarter of a pixel wide, within one row.
+    strip = """<shape type="rectangle"><transform name="to_world"><rotate y="1" angle="180"/>
+      <scale x="0.5" y="0.008"/><translate x="0.01" y="0.0312" z="2"/></transform><emitter type="area">
+      <float name="radiance" value="2"/></emitter></shape>"""
+    ball = '<shape type="sphere"><point name="center" value="0.6, 0.6, 3"/><float name="radius" value="0.3"/></shape>'
+    scene = scene_of(strip + ball + SKY, size=(64, 64))
+    corners = np.array(at_corners(scene, 64).colour).T
+    assert np.all(corners[:, 0] <= 0.25)  # no sample on the lattice is on the strip
+    strip = grid(scene, 32)[..., 0] > 0.5  # a quarter of each of these pixels
+    assert strip.sum() == 16
+    assert np.all(draw(scene, 3e-4)[strip, 0] > 0.5)
+
+
+def test_no_launch_over_all_pixels_is_done_twice(llvm_ad_rgb, scene_of):
+    # Estimates and cells are named tuples, which dr.eval passes by: each launch would compute them anew.
+    scene = scene_of(BODY, size=(96, 80))
+    draw(scene, 1e-2)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        draw(scene, 1e-2)
+        launches = dr.kernel_history([dr.KernelType.JIT])
+    everything = [each for each in launches if each["size"] == 96 * 96]  # whole squares of 32 x 32 pixels
+    largest = sorted(each["operation_count"] for each in everything)
+    # The estimate itself; nothing else over all pixels comes near it.
+    assert largest[-2] < largest[-1] / 2
 
 
 def test_one_colour_takes_one_ray_a_corner_and_stays_exact(llvm_ad_rgb, scene_of):
@@ -263,6 +313,18 @@ def test_every_square_of_a_checkerboard_is_a_path_of_its_own(llvm_ad_rgb, scene_
           <translate z="4"/></transform>{look.format(to_uv=to_uv)}</shape>"""
         found = centres(scene_of(board, size=(36, 36)), 36)
         assert len({*np.array(found.path)}) == squares
+
+
+@pytest.mark.parametrize("filter_type", ["nearest", "bilinear"])
+def test_halves_of_texels_are_paths_of_their_own(llvm_ad_rgb, scene_of, tmp_path, filter_type):
+    # The board fills the view, the bitmap the board once: 5 x 3 texels, each with four quarters.
+    mi.Bitmap(np.zeros((3, 5, 3), np.uint8)).write(str(tmp_path / "black.png"))
+    board = f"""<shape type="rectangle"><transform name="to_world"><rotate y="1" angle="180"/><scale value="4"/>
+      <translate z="4"/></transform><emitter type="area"><texture type="bitmap" name="radiance">
+      <string name="filename" value="{tmp_path}/black.png"/>
+      <string name="filter_type" value="{filter_type}"/></texture></emitter></shape>"""
+    found = centres(scene_of(board, size=(60, 60)), 60)
+    assert len({*np.array(found.path)}) == 10 * 6
 
 
 @pytest.mark.parametrize("value", ["-0.001", "nan", "inf"])

@@ -21,7 +21,7 @@ from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
-FROZEN = "65cb5bd575a25e00724725b67c09aa47980504ab"
+FROZEN = "dcbafd318a42caeb037310b243031594e3da893b"
 """The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
 here: nobody could know them before.
 """
@@ -49,7 +49,7 @@ class Curves:
 
     Attributes
     ----------
-    unsure : RMSE between the converged picture and a grid of half as many samples a side: the error of the coarser of
+    unsure : RMSE between the converged picture and one of at most half as many samples: the error of the coarser of
         the two, so more than that of the other
     checked : RMSE between the converged picture and a refined one
     rays : of one sample a pixel, of all kinds
@@ -198,8 +198,8 @@ def _curves(
 
 def _converged(drawing: Drawing, schedule: Schedule) -> tuple[Image, float]:
     """Draw the converged picture; return how unsure it is as well, see `Curves`."""
-    truth = pixels(drawing.grid(schedule.converged))
-    return truth, compare(pixels(drawing.grid(schedule.converged // 2)), truth).rmse
+    truth = drawing.converged(schedule.converged)
+    return truth, compare(drawing.converged(schedule.converged // 2), truth).rmse
 
 
 def _keep(results: Results, kind: str, curves: Curves) -> None:
@@ -218,7 +218,7 @@ def _peers(curves: Curves, schedule: Schedule, folder: Path, told: Callable[[str
     for sampler in schedule.samplers:
         drawing = Drawing(for_peers(file, sampler), size=str(curves.size))
         one = Timed(drawing.grid(ONE_SAMPLE), curves.size)
-        truth = pixels(drawing.grid(schedule.converged))
+        truth = drawing.converged(schedule.converged)
         for name in PEERS:
             for spp in schedule.spp:
                 told(f"one light: {name}, {sampler}, {spp} samples")

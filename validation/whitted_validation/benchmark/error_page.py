@@ -142,8 +142,8 @@ def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]
     parts: list[Section] = [
         Sentence(summary(results), "bad" if any(each.met is False for each in held) else "good"),
         Sentence(
-            "Errors are those of linear radiance against a converged picture: a grid of "
-            f"{schedule.converged} x {schedule.converged} samples in each pixel. Rays and times are given over those "
+            "Errors are those of linear radiance against a converged picture: a Fibonacci "
+            f"lattice of {schedule.converged} samples in each pixel. Rays and times are given over those "
             "of one sample a pixel of the same scene. Times are medians of pairs, drawn in turn, up to "
             f"{schedule.pairs} of them; CPU time is that of all threads. {_by_povray(results)}"
             "The seeds of the scenes come from the number of the commit "
@@ -174,7 +174,7 @@ def _by_povray(results: Results) -> str:
 def _scene(name: str, curves: Curves, schedule: Schedule) -> Group:
     note = (
         f"Seed {curves.seed}, {curves.size} x {curves.size} pixels, {curves.rays:,} rays at one sample a pixel. The "
-        f"converged picture differs from a grid of half as many samples a side by an RMSE of {short(curves.unsure)}, "
+        f"converged picture differs from one of at most half as many samples by an RMSE of {short(curves.unsure)}, "
         f"and from a picture refined to {schedule.refined:g} by {short(curves.checked)}; slopes are fitted to errors "
         f"above three times the former. {curves.hidden:,} pixels show their corners nothing of what is in them; "
         "missed are those of them that are off by more than 1e-2."

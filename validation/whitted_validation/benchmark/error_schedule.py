@@ -17,7 +17,7 @@ class Schedule:
     size : of their pictures, in pixels
     grids : samples along the side of a pixel
     targets : target errors
-    converged : samples along the side of a pixel of the converged pictures
+    converged : samples a pixel of the converged pictures, at most
     refined : target error of the picture that they are checked against
     samplers, spp, peers_size : for Mitsuba's integrators, on scene a with one light
     epsilons : the textbook's constants, world units
@@ -56,7 +56,7 @@ FULL = Schedule(
     size=512,
     grids=(1, 2, 3, 4, 6, 8, 12, 16),
     targets=(3e-2, 1e-2, 5e-3, 3e-3, 2e-3, 1e-3, 5e-4, 3e-4, 2e-4, 1e-4),
-    converged=64,
+    converged=4181,
     refined=3e-5,
     samplers=("independent", "stratified", "multijitter"),
     spp=(1, 4, 16, 64, 256),
@@ -79,7 +79,7 @@ QUICK = Schedule(
     size=64,
     grids=(1, 2, 4),
     targets=(1e-2, 3e-3, 1e-3),
-    converged=16,
+    converged=233,
     refined=1e-3,
     samplers=("independent",),
     spp=(1, 4),

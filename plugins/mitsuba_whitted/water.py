@@ -1,0 +1,44 @@
+"""Which cells need a closer look: those above the level to which errors are to be poured (water-filling)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_whitted.cells import Estimate
+from mitsuba_whitted.tables import opaque
+
+LEFT = np.array([0.8, 0.3, 0.7])
+"""Error that a cell of each kind is left with, in parts of the limit to which it is refined."""
+
+OCTAVES_BELOW, STEPS, BINS = 8, 4, 96
+"""Errors are counted from so many octaves below the target, in so many steps an octave."""
+
+
+def histogram(estimate: Estimate, active: Any, target: float) -> NDArray[np.float64]:
+    """Count the errors of each kind of cell, (3, BINS); those too small to matter are left out.
+
+    Whole numbers: their sum does not depend on the order in which threads come.
+    """
+    octaves = dr.log2(estimate.error / opaque(mi.Float(target))) + OCTAVES_BELOW
+    counts = dr.zeros(mi.UInt32, 3 * BINS)
+    place = mi.UInt32(dr.clip(STEPS * octaves, 0, BINS - 1))
+    dr.scatter_add(counts, mi.UInt32(1), estimate.kind * BINS + place, active & (octaves >= 0))
+    return np.array(counts, dtype=np.float64).reshape(3, BINS)
+
+
+def levels(target: float) -> NDArray[np.float64]:
+    """Errors that the places of a histogram stand for."""
+    of_bins: NDArray[np.float64] = target * 2.0 ** ((np.arange(BINS) + 0.5) / STEPS - OCTAVES_BELOW)
+    return of_bins
+
+
+def water_level(counts: NDArray[np.float64], target: float, budget: float) -> float:
+    """Find the error above which cells are refined, so that all that is left meets the budget."""
+    known = levels(target)
+    left = [np.sum(counts * np.minimum(known, LEFT[:, None] * limit) ** 2) for limit in known]
+    return float(known[max(int(np.searchsorted(left, budget)) - 1, 0)])
