@@ -72,18 +72,17 @@ class Camera:
         return bool((distances - [ball.r for ball in balls] > self._blind).all())
 
     def rays(self, x: Any, y: Any) -> Ray:
-        """Make the rays through `x`, `y`: Float, pixels from the upper left corner of the crop window."""
+        """Make the rays through `x`, `y`: Float or Float64, pixels from the upper left corner of the crop window."""
         if not self.known:
             return self._rays_of_mitsuba(x, y)
         centre, per_x, per_y, eye, forward, x0_y0_near, far = self._constants
-        # Distances from the middle of the film are exact or nearly so: the error of a ray is that of its direction.
-        dx, dy = x - x0_y0_near.x, y - x0_y0_near.y
-        on_plane = mi.Vector3d(dr.fma(mi.Float64(dx), per_x, dr.fma(mi.Float64(dy), per_y, centre)))
+        dx, dy = mi.Float64(x) - x0_y0_near.x, mi.Float64(y) - x0_y0_near.y
+        on_plane = mi.Vector3d(dr.fma(dx, per_x, dr.fma(dy, per_y, centre)))
         if self.kind == "OrthographicCamera":
             return camera_ray(mi.Point3d(eye + on_plane), forward, 0, far)
         length = dr.norm(on_plane)  # of the direction whose component along the camera's z is 1
         d = on_plane * dr.rcp(length)
-        return camera_ray(mi.Point3d(eye), d, x0_y0_near.z * mi.Float(length), far * mi.Float(length))
+        return camera_ray(mi.Point3d(eye), d, mi.Float(x0_y0_near.z * length), far * mi.Float(length))
 
     def _affine_map(self) -> tuple[Any, ...]:
         """Constants of the direction, or of the origin, as an affine function of the position on the film."""
@@ -112,7 +111,7 @@ class Camera:
         longest = max(np.linalg.norm(corners, axis=1)) if self.kind == "PerspectiveCamera" else 1.0
         self._eye, self._forward, self._blind = eye, forward, near * longest
         vectors = (centre, per_x, per_y, eye, forward)
-        on_film = _opaque(mi.Vector3f, (middle_x, middle_y, near)), _opaque(mi.Float, [far])
+        on_film = _opaque(mi.Vector3d, (middle_x, middle_y, near)), _opaque(mi.Float, [far])
         return *(_opaque(mi.Vector3d, vector) for vector in vectors), *on_film
 
     def _film_window(self) -> list[int]:
@@ -121,7 +120,7 @@ class Camera:
 
     def _rays_of_mitsuba(self, x: Any, y: Any) -> Ray:
         size = self._film.crop_size()
-        position = mi.Point2f(x / size[0], y / size[1])
+        position = mi.Point2f(mi.Float(x) / size[0], mi.Float(y) / size[1])
         try:
             ray, _ = self._sensor.sample_ray(mi.Float(0), mi.Float(0.5), position, mi.Point2f(0.5))
         except RuntimeError as error:  # an irradiance meter, say, has no rays of its own
@@ -144,7 +143,8 @@ def any_ray(ray: mi.Ray3f, origin: Any) -> Ray:
     """Make ours of a ray of Mitsuba's, relative to `origin`; its direction may have any length."""
     d = mi.Vector3d(ray.d)
     length = dr.norm(d)
-    return camera_ray(mi.Point3d(ray.o - origin), d / length, 0, ray.maxt * mi.Float(length))
+    o = mi.Point3d(mi.Point3d(ray.o) - mi.Vector3d(origin))
+    return camera_ray(o, d * dr.rcp(length), 0, ray.maxt * mi.Float(length))
 
 
 def _opaque(kind: Any, values: Any) -> Any:

@@ -205,9 +205,9 @@ def _sub_pixels(width: int, top: int, bottom: int, n: int) -> tuple[Any, Any]:
 
 
 def sub_pixel(x: Any, y: Any, part: Any, n: Any) -> tuple[Any, Any]:
-    """Position of sample number `part` of the n x n of pixel (x, y), row by row; UInt32 or int."""
-    i, j, size = mi.Float(part % n), mi.Float(part // n), mi.Float(n)
-    return mi.Float(x) + (i + 0.5) / size, mi.Float(y) + (j + 0.5) / size
+    """Position, in double, of sample number `part` of the n x n of pixel (x, y), row by row; UInt32 or int."""
+    i, j, size = mi.Float64(part % n), mi.Float64(part // n), dr.rcp(mi.Float64(n))
+    return mi.Float64(x) + (i + 0.5) * size, mi.Float64(y) + (j + 0.5) * size
 
 
 def _positions(width: int, top: int, bottom: int, n: int) -> Iterator[tuple[float, float]]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_whitted.scene_graph import SceneGraph
-from mitsuba_whitted.tables import double_column, fetch
+from mitsuba_whitted.tables import column, double_column, fetch
 from mitsuba_whitted.transforms import matrix_of, moved
 
 
@@ -20,6 +20,8 @@ class Placement(NamedTuple):
     to_world_rows: tuple[Any, Any, Any]
     """Vector4d each: a row of the matrix."""
     to_local_rows: tuple[Any, Any, Any]
+    normal_rows: tuple[Any, Any, Any]
+    """Vector3d each: a row of M^-T, as single numbers give it."""
 
     def to_local(self, o: Any, d: Any, t: Any) -> tuple[Any, Any, Any]:
         """Bring a ray into the group's space, its direction again of unit length."""
@@ -28,7 +30,7 @@ class Placement(NamedTuple):
         return mi.Point3d(*(dr.dot(row.xyz, o) + row.w for row in self.to_local_rows)), d * dr.rcp(length), t * length
 
     def to_world(self, p: Any, n: Any, n_g: Any, reach: Any) -> tuple[Any, Any, Any, Any]:
-        """Bring a hit back; a normal goes by the inverse transposed, so that it stays on its side."""
+        """Bring a hit back; a normal goes by the inverse transposed, stays on its side, and has any length."""
         rows = self.to_world_rows
         return (
             mi.Point3d(*(dr.dot(row.xyz, p) + row.w for row in rows)),
@@ -38,22 +40,27 @@ class Placement(NamedTuple):
         )
 
     def _normal(self, n: Any) -> Any:
-        x, y, z = self.to_local_rows
-        return mi.Normal3d(n.x * x.xyz + n.y * y.xyz + n.z * z.xyz)
+        return mi.Normal3d(*(dr.dot(row, n) for row in self.normal_rows))
 
 
 class Instances:
     """Transforms of the instances of a scene, by their number counted from 1; 0 is no instance."""
 
     def __init__(self, graph: SceneGraph, centre: NDArray[np.float64]) -> None:
-        placed = [matrix_of(graph.value(each, "to_world"), f"instance `{each.id()}`") for each in graph.instances]
+        transforms = [graph.value(each, "to_world") for each in graph.instances]
+        names = [f"instance `{each.id()}`" for each in graph.instances]
+        placed = [matrix_of(to_world, name) for to_world, name in zip(transforms, names, strict=True)]
+        turning = [np.array(to_world.inverse_transpose, float).reshape(4, 4)[:3, :3] for to_world in transforms]
         matrices = [np.eye(4), *(moved(matrix, -centre) for matrix in placed)]
         self._to_world = double_column(matrix[:3].ravel() for matrix in matrices)
         self._to_local = double_column(np.linalg.inv(matrix)[:3].ravel() for matrix in matrices)
+        self._normals = column(row for matrix in [np.eye(3), *turning] for row in matrix)
 
     def placement(self, instance: Any, active: Any) -> Placement:
         """Transform of the instance with this number."""
-        return Placement(self._rows(self._to_world, instance, active), self._rows(self._to_local, instance, active))
+        to_world, to_local = (self._rows(table, instance, active) for table in (self._to_world, self._to_local))
+        x, y, z = (mi.Vector3d(fetch(mi.Vector3f, self._normals, 3 * instance + i, active)) for i in range(3))
+        return Placement(to_world, to_local, (x, y, z))
 
     @staticmethod
     def _rows(table: Any, row: Any, active: Any) -> tuple[Any, Any, Any]:

@@ -28,7 +28,7 @@ class MeshHit(NamedTuple):
 
 
 class Meshes:
-    """Vertices, faces and face normals of all meshes, and the refined hit on one of their triangles.
+    """Vertices, faces and face normals of all meshes, and the hit on one of their triangles.
 
     A face's normal is computed in float64 at load: from float32 edges it would be wrong by u times the aspect
     ratio of the triangle. So it is in Embree, and a ray that leaves has to begin that much further off: each
@@ -55,7 +55,9 @@ class Meshes:
                 first_vertex += len(part.positions)
         self._rows = index_column(rows)
         self._faces = stored(np.concatenate(faces))
-        self._positions = stored(np.concatenate([part.positions for part in meshes]))
+        positions = np.concatenate([part.positions for part in meshes])
+        self._point = mi.Point3f if positions.dtype == np.float32 else mi.Point3d
+        self._positions = stored(positions)
         self._planes = stored(np.concatenate([part.planes() for part in meshes]))
         if self.smooth:
             self._normals = stored(np.concatenate([part.padded(part.normals, 3) for part in meshes]))
@@ -93,7 +95,7 @@ class Meshes:
         return MeshHit(p, n, n_g, uv, sign, reach)
 
     def _vertex(self, number: Any, active: Any) -> Any:
-        return mi.Point3d(fetch(mi.Point3f, self._positions, number, active))
+        return mi.Point3d(fetch(self._point, self._positions, number, active))
 
 
 _SMOOTH, _TEXCOORDS, _FLIPPED = 1, 2, 4
@@ -130,9 +132,9 @@ class _Part:
             self.positions, n = flattened(self.positions, self.normals, self.faces)
             self.face_normals = np.broadcast_to(n, self.face_normals.shape)
             self.normals = self.normals[:0]
-        if origin.any():  # else a large mesh would be copied for nothing
+            self.positions = self.positions.astype(np.float32)
+        if origin.any():  # in double: not every difference is a single number
             self.positions = self.positions - origin
-        self.positions = self.positions.astype(np.float32, copy=False)
         self.flags = (
             _SMOOTH * bool(len(self.normals))
             + _TEXCOORDS * bool(len(self.texcoords))

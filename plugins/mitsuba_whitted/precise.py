@@ -22,22 +22,26 @@ OFFSET_ROUNDOFFS = 8
 
 A point rounded to single is off its plane by u of that sum, and by as much again once it is shifted. Embree's own
 test of the offset ray against the plane that it left (difference 1, dot product 3) errs by another 4 u, and the normal
-that the shift goes along is rounded too.
+that the shift goes along is rounded too: 7, and one in hand.
 """
 
 LEAST = 2.0**-126
 """The least float32 that is never rounded to 0."""
 
-LEAST_CHORD = 16 * 2.0**-53
+LEAST_CHORD = 64 * 2.0**-53
 """Least half chord of a ray in a round surface that a search says it meets, in units of radius and distance.
 
 Past the outline by less than the search rounds, the exact surface is missed: the normal would be square to the ray,
 its front a matter of luck, and the pixel black between two that are lit. In double, the foot of the perpendicular
-(difference 1, product 4, sum 1) and its product with the direction (4) cannot hide 16 roundings.
+(difference 1, product 4, sum 1) and its product with the direction (4) cannot hide 16 roundings; an instance that
+brings the normal out adds its own.
 """
 
 SEARCHED = 16 * UNIT_ROUNDOFF
-"""How far off the distance is that a search tells, in units of radius and distance: a few roundings."""
+"""How far off the distance that a search tells may be, in units of radius and distance.
+
+The chord of `few` 7 roundings, its root 1, Embree's own and the lead 3; with room.
+"""
 
 
 def sphere_normal(o: Any, d: Any, c: Any, r: Any, t: Any) -> Any:
@@ -97,7 +101,7 @@ def mirrored(d: Any, n: Any) -> Any:
 
     As long as `d`, but for a few roundings a bounce.
     """
-    n_n = dr.maximum(dr.squared_norm(n), LEAST)  # where nothing was hit n is 0
+    n_n = dr.maximum(dr.squared_norm(n), 2.0**-1022)  # where nothing was hit n is 0
     return dr.fma(-2 * dr.dot(d, n) * dr.rcp(n_n), n, d)
 
 
@@ -106,15 +110,13 @@ def unit(n: Any) -> Any:
     return mi.Normal3f(dr.normalize(mi.Normal3f(n)))
 
 
-def ray_offset(n_g: Any, d: Any, reach: Any, least: Any) -> tuple[Any, Any]:
-    """Shift along the geometric normal to the side that `d` leaves to, and its length.
+def ray_offset(n_g: Any, reach: Any, least: Any) -> tuple[Any, Any]:
+    """Shift along the geometric normal, and its length.
 
     Parameters
     ----------
     n_g : Vector3f
-        Unit geometric normal, either side.
-    d : Vector3f
-        Direction of the ray that leaves.
+        Unit geometric normal, on the side that the ray leaves to.
     reach : Vector3f
         Largest absolute coordinates of the surface, world units: they bound the rounding of every point on it.
     least : Float
@@ -122,11 +124,14 @@ def ray_offset(n_g: Any, d: Any, reach: Any, least: Any) -> tuple[Any, Any]:
         hit at a distance of exactly 0.
     """
     length = OFFSET_ROUNDOFFS * UNIT_ROUNDOFF * dr.maximum(dr.dot(dr.abs(n_g), reach), least)
-    return dr.select(dr.dot(n_g, d) < 0, -length, length) * n_g, length
+    return length * n_g, length
 
 
 SHADOW_END = 1 - 4 * UNIT_ROUNDOFF
-"""A shadow ray ends this much before its light: the distance (a norm, a root) carries fewer than 4 roundings."""
+"""A shadow ray ends this much before its light.
+
+The distance (a rounded difference, half of 3, a root) carries fewer than 4 roundings.
+"""
 
 LEAST_POWER = -150
 """2 to this is less than half the least float32. Dr.Jit's exp2 of Python numbers goes wrong near -1024."""

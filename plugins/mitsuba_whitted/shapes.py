@@ -48,6 +48,8 @@ class Row(NamedTuple):
     kind: Kind
     a: Vector
     b: Vector
+    plane: Vector
+    """Unit normal of the plane that M x and M y span, on the side of `b`: `b` is the rounded M^-T z."""
     r: float
     sign: float
     """-1 where the normal of the formula points to the back."""
@@ -78,7 +80,7 @@ def row_of(graph: SceneGraph, shape: mi.Shape, centre: Vector) -> Row:
     flipped = -1.0 if shape.has_flipped_normals() else 1.0
     if kind == Kind.MESH:
         zero = np.zeros(3)
-        return Row(kind, zero, zero, 0.0, flipped, reach, np.zeros((3, 3)))
+        return Row(kind, zero, zero, zero, 0.0, flipped, reach, np.zeros((3, 3)))
 
     to_world = graph.value(shape, "to_world")
     matrix = matrix_of(to_world, f"shape `{shape.id()}`", _PLACED_BY.get(kind, "to_world"))
@@ -93,7 +95,13 @@ def row_of(graph: SceneGraph, shape: mi.Shape, centre: Vector) -> Row:
             raise SceneError(f"shape `{shape.id()}`: to_world is too large or too small for a normal in float32")
     if kind == Kind.CYLINDER and np.linalg.det(linear) < 0:
         flipped = -flipped  # Mitsuba notes the mirror as a flip, to keep the normal outward
-    return Row(kind, origin, normal / np.linalg.norm(normal), radius, flipped, reach, to_local)
+    plane = np.cross(linear[:, 0], linear[:, 1]) * np.sign(np.linalg.det(linear))
+    return Row(kind, origin, _unit(normal), _unit(plane), radius, flipped, reach, to_local)
+
+
+def _unit(v: Vector) -> Vector:
+    unit: Vector = v / np.linalg.norm(v)
+    return unit
 
 
 def _single_length(v: Vector) -> float:

@@ -59,6 +59,8 @@ class Surfaces:
             self._searches.append(Accel(graph, shapes, few, self.centre))
         self._a_r = double_column([*row.a, row.r] for row in rows)
         self._b_sign = double_column([*row.b, row.sign] for row in rows)
+        if self.kinds & PLANES:
+            self._planes = double_column(row.plane for row in rows)
         self._reach_kind = column([*row.reach, row.kind] for row in rows)
         self._to_local = column(axis for row in rows for axis in row.to_local)
 
@@ -120,16 +122,18 @@ class Surfaces:
             a, r = mi.Point3d(a_r.xyz), a_r.w
             b, sign = mi.Normal3d(b_sign.xyz), b_sign.w
             if self.kinds & PLANES:
-                p, n = mi.Point3d(precise.plane_point(o, d, a, b)), b
+                n, n_g = b, fetch(mi.Normal3d, self._planes, shape, valid)
+                p = mi.Point3d(precise.plane_point(o, d, a, n_g))
             if Kind.SPHERE in self.kinds:
                 outward = mi.Normal3d(precise.sphere_normal(o, d, a, r, t))
                 p = dr.select(kind == float(Kind.SPHERE), a + outward, p)
                 n = dr.select(kind == float(Kind.SPHERE), outward, n)
+                n_g = dr.select(kind == float(Kind.SPHERE), outward, n_g)
             if Kind.CYLINDER in self.kinds:
                 on_cylinder, outward = precise.cylinder_point(o, d, a, b, r, t)
                 p = dr.select(kind == float(Kind.CYLINDER), mi.Point3d(on_cylinder), p)
                 n = dr.select(kind == float(Kind.CYLINDER), mi.Normal3d(outward), n)
-            n_g = n
+                n_g = dr.select(kind == float(Kind.CYLINDER), mi.Normal3d(outward), n_g)
             if with_uv:
                 uv = self._texture_coordinates(kind, mi.Vector3f(p - a), shape, valid)
 

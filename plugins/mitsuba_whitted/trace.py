@@ -299,7 +299,7 @@ def _leaving(stage: Stage, plan: Plan, hit: Hit, n_g: Any, d: Any, end: Any) -> 
         return Ray(hit.p, d, mi.Float(stage.epsilon), end, shift, mi.UInt32(NOTHING))
     if not plan.searched:
         return Ray(hit.p, d, mi.Float(0), end, mi.Vector3f(0), hit.shape)
-    shift, length = precise.ray_offset(n_g, mi.Vector3f(d), hit.reach, stage.surfaces.least_reach)
+    shift, length = precise.ray_offset(n_g, hit.reach, stage.surfaces.least_reach)
     return Ray(hit.p, d, mi.Float(0), end - length, mi.Vector3f(shift), hit.shape)
 
 

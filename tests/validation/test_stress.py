@@ -90,8 +90,8 @@ def sampled(change: Callable[[Any], Any]) -> Patch:
 
 
 def cosine_by_acos(old: Any) -> Any:
-    """Take the angle from its cosine, as a spot light is often written."""
-    return lambda y, x: dr.acos(x / dr.sqrt(x * x + y * y))
+    """Take the angle from its cosine in single precision, as a spot light is often written."""
+    return lambda y, x: mi.Float64(dr.acos(mi.Float(x / dr.sqrt(x * x + y * y))))
 
 
 FAULTS: dict[str, tuple[Policy, list[str]]] = {

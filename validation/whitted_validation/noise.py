@@ -92,8 +92,9 @@ class Shaken(Follower):
     def reflected(self, terms, i, n, d, l, n_l):  # type: ignore[no-untyped-def]  # noqa: E741
         """Do as the tracer with a normal, a light and an irradiance that are a little off."""
         node = self.node
-        turn = patch_of(self.primitives[node.primitive], node).normal_roundings + UNIT_VECTOR
+        turn = patch_of(self.primitives[node.primitive], node).normal_roundings + 2 * UNIT_VECTOR  # n, and h for it
         n = tuple(x + self._draw(turn) for x in n)
+        d = tuple(x + self._draw(U) for x in d)
         l = tuple(x + self._draw(TO_LIGHT) for x in l)  # noqa: E741
         i = tuple(x * (1.0 + self._draw(IRRADIANCE)) for x in i)
         return super().reflected(terms, i, n, d, l, max(dot(n, l) + self._draw(3 * U), 0.0))

@@ -1,15 +1,17 @@
-"""The surface around a hit: how its normal and coordinates change there, and what they cost in float32."""
+"""The surface around a hit: how its normal and coordinates change there, and what their roundings cost."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from whitted_reference.instances import Placed
+from whitted_reference.polygon import Polygon
 from whitted_reference.ray_tree import RayNode
-from whitted_reference.shapes import Primitive, Sphere
+from whitted_reference.shapes import Cylinder, Primitive, Sphere
 from whitted_reference.triangles import Triangle
 from whitted_reference.vectors import add, scaled
 from whitted_validation.forms import Matrix, radius
@@ -19,6 +21,7 @@ from whitted_validation.roundoffs import (
     PLACED,
     PLANE_DISTANCE,
     PLANE_SLOPE,
+    POLYGON,
     SPHERE_DISTANCE,
     VERTEX_NORMAL,
     WEIGHTS,
@@ -42,6 +45,8 @@ class Patch:
         self._inner = inner
         self._smooth = self.flat and isinstance(inner, Triangle) and inner.vertex_normals is not None
         self._ball = isinstance(inner, Sphere)
+        self._polygon = isinstance(inner, Polygon)
+        self._radius = math.sqrt(inner.data[7]) if isinstance(inner, Cylinder) else float(self.extent.max()) / 2.0
         # Two unit vectors across the normal, and the change of the normal along each.
         a = np.array([0.0, 1.0, 0.0]) if abs(self._g[0]) > 0.5 else np.array([1.0, 0.0, 0.0])
         u = np.cross(self._g, a)
@@ -93,7 +98,9 @@ class Patch:
             turn = float(np.abs(n1 - n).max() + np.abs(n2 - n).max())
             size = float(np.linalg.norm(n + beta * (n1 - n) + gamma * (n2 - n)))
             return VERTEX_NORMAL + 5 * V + self._weights_off() * turn / size
-        return V if self.flat else 8 * V * (1.0 + self._node.t / (float(self.extent.max()) / 2.0))
+        if self.flat:
+            return V + POLYGON * self._polygon
+        return 8 * V * (1.0 + (self._node.t + float(self.extent.max())) / self._radius)
 
     def _from_corner(self) -> Matrix:
         """Return two sides of a triangle and the way to the hit, from its first corner."""
@@ -129,11 +136,14 @@ class Patch:
     def distance_roundings(self, t: float) -> float:
         """Own roundings of the meeting, as a distance along the normal."""
         if self._ball:
-            return SPHERE_DISTANCE * (float(self.extent.max()) / 2.0 + t)
+            return SPHERE_DISTANCE * (self._radius + t)
+        if not self.flat:  # a tube: the foot carries the distance, half a chord that over the radius
+            far = float(np.linalg.norm(self.extent)) + t
+            return SPHERE_DISTANCE * far * max(1.0, far / self._radius)
         g, d = np.abs(self._g), np.abs(np.array(self._node.d, float))
         slant = float(g @ d) * t
-        across = float(g @ self.extent) if self.flat else float(np.linalg.norm(self.extent))
-        return PLANE_DISTANCE * (slant + across) + PLANE_SLOPE * slant
+        off = POLYGON * float(g @ (self.reach + self.extent)) if self._polygon else 0.0
+        return PLANE_DISTANCE * (slant + float(g @ self.extent)) + PLANE_SLOPE * slant + off
 
     @property
     def point_roundings(self) -> NDArray[np.float64]:
@@ -141,8 +151,10 @@ class Patch:
         assert self._node.p is not None
         coordinates = 2 * V * np.abs(np.array(self._node.p, float))
         if self._ball or not self.flat:
-            return np.asarray(coordinates + 8 * V * (float(self.extent.max()) / 2.0 + self._node.t))
-        return np.asarray(coordinates + PLANE_DISTANCE * float(np.abs(self._g) @ self.extent) * np.abs(self._g))
+            return np.asarray(coordinates + 8 * V * (float(self.extent.max()) + self._node.t))
+        g = np.abs(self._g)
+        off = POLYGON * float(g @ (self.reach + self.extent)) if self._polygon else 0.0
+        return np.asarray(coordinates + (PLANE_DISTANCE * float(g @ self.extent) + off) * g)
 
     def uv_error(self, hit: Matrix) -> tuple[float, float]:
         """Bound the errors of the surface coordinates: those that follow from the point, and their own roundings."""

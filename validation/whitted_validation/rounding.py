@@ -328,7 +328,7 @@ class Rounding:
             theta = source.angle(*l)
             off = self.cone_error(source, hit, l, distance)
             if theta + off > source.beam:
-                relative += off / ((source.cutoff - source.beam) * share) + U
+                relative += off / ((source.cutoff - source.beam) * share) + 2 * U  # f is rounded, and its product
         return form, relative, reach + 4 * U * distance
 
     def cone_error(self, source: Spot, hit: Matrix, l: Matrix, distance: float) -> float:  # noqa: E741

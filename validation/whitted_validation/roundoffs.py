@@ -40,12 +40,16 @@ PLACED = 8 * V
 WEIGHTS = 13 * V
 
 # --- in single: what is made of them
-# A unit vector from three components, rounded first: squared length 3 / 2, root 1, reciprocal 1, product 1.
-UNIT_VECTOR = 5 * U
-# Vertex normals made from faces: edges 1, cross product 3, unit vector, angle 8, and the sum over about six faces.
+# A unit vector from three components, rounded first (1, and 1 that their length takes on): squared length 3 / 2,
+# root 1, reciprocal 1, product 1; rounded up.
+UNIT_VECTOR = 7 * U
+# Vectors that are stored in single: the plane of a polygon, and its normal, of unit length again (2).
+POLYGON = 2 * U
+# Vertex normals, Mitsuba's own, made from faces: edges 1, cross product 3, unit vector, angle 8, and the sum over
+# about six faces.
 VERTEX_NORMAL = 24 * U
-# Light: rounded difference 1, squared length 3 / 2, then root, reciprocal and product, rounded up; so for l.
-TO_LIGHT = 6 * U
+# Light: the rounded difference, made a unit vector.
+TO_LIGHT = UNIT_VECTOR
 # A cosine of two such vectors, in units of sum |n_i l_i|: the normal, the light, their product 3.
 COSINE = UNIT_VECTOR + TO_LIGHT + 3 * U
 # 1 / distance^2: the squared length twice, a reciprocal and a product; times intensity and a term.
@@ -58,10 +62,10 @@ POWER = 4 * U
 LOCAL = 5 * U
 # Texture coordinates made of that: arc tangent 4, scale and offset 3, by a texture's own transform 3; of at most 1.
 COORDINATE = 10 * U
+# --- searches
 # Offset of a ray's start from its surface, in units of the surface's distance from the origin along n, or of what
 # a triangle's plane is off that a search makes of its edges: twice the 4 u |e_j f_k| of each product in e x f.
 OFFSET = 8 * U
-# --- searches
 # Origin and vertices in single, those of an instance or of a scene that was moved among them.
 TRANSFORMED = 5 * U
 # A test of an edge from the origin of the ray (difference of the ends 1, their sum 1, cross product 3, dot

@@ -28,6 +28,9 @@ from whitted_validation.stress.trial import Trial
 
 PROBES = 200_000
 
+V = 2.0**-53
+"""Largest relative error of one rounding in double."""
+
 VERTEX_LEAKS = 5e-4
 """Share of rays aimed at a vertex that may slip through: Embree's edge test is exact at edges, not at vertices."""
 
@@ -50,8 +53,8 @@ def cases() -> Iterator[Case]:
         yield Case("slivers", f"width {width:g} of the length", statement, partial(_sliver, width=width))
     for degrees in (89.0, 89.9, 89.99, 89.999):
         statement = (
-            "the point met is right to 32 u (distance + coordinates) / cosine, and to 8 u sum |n_i| reach_i off the "
-            "plane (shown: the former, without the 32)"
+            "the point met is right to 32 v (distance + coordinates) / cosine with v = 2^-53, and to 32 v sum |n_i| "
+            "reach_i off the plane (shown: the former, without the 32)"
         )
         yield Case("grazing view", f"plane at {degrees:g} degrees", statement, partial(_low_plane, degrees=degrees))
         statement = (
@@ -184,13 +187,13 @@ def _low_plane(trial: Trial, degrees: float) -> Outcome:
     points, found = trial.follow(scene, o, d)
     hits = found[0] & (t > 0)
     off = np.sqrt(dot(points[0] - p, points[0] - p))
-    allowed = U * (t + 4 * np.sqrt(3)) / -dot(unit(d), n)
+    allowed = V * (t + 4 * np.sqrt(3)) / -dot(unit(d), n)
     worst = float((off / allowed)[hits].max(initial=0.0))
-    # The promise of `precise.plane_point`: 4 u of sum |n_i| reach_i; as much again for the numbers of the plane.
-    out = float(np.abs(dot(points[0] - origin, n))[hits].max(initial=0.0) / (U * 4 * np.abs(n).sum()))
-    outcome = limited("error in units of u (t + reach) / cos", worst, 32.0, missed=int((~hits).sum()))
-    good = outcome.holds and bool(hits.all()) and out <= 8
-    return Outcome(good, outcome.figure, outcome.values | {"off the plane in units of u sum |n_i| reach_i": out})
+    # Distance and slope round 5 and 6 times, the point twice; pulled back 5 times; as often in what is compared with.
+    out = float(np.abs(dot(points[0] - origin, n))[hits].max(initial=0.0) / (V * 4 * np.abs(n).sum()))
+    outcome = limited("error in units of v (t + reach) / cos", worst, 32.0, missed=int((~hits).sum()))
+    good = outcome.holds and bool(hits.all()) and out <= 32
+    return Outcome(good, outcome.figure, outcome.values | {"off the plane in units of v sum |n_i| reach_i": out})
 
 
 def _low_ball(trial: Trial, degrees: float) -> Outcome:
