@@ -11,7 +11,7 @@ WORTHWHILE = 16
 """How many times further from the origin than from one another shapes must be.
 
 A point at distance w carries a rounding of u w, whatever lies around it. Up to 16 u of its distance s from the
-middle of the scene come from the steps of a hit, an offset and a shadow ray anyhow (`precise`), so that below
+middle of the scene come from a search, an offset and a shadow ray anyhow (`precise`), so that below
 w = 16 s nothing would be gained.
 """
 

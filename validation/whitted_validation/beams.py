@@ -1,4 +1,4 @@
-"""A ray with its float32 errors, and what these may make it meet or miss."""
+"""A ray with its errors, and what these may make it meet or miss."""
 
 from __future__ import annotations
 

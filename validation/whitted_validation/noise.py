@@ -1,4 +1,4 @@
-"""Re-tracing a pixel under noise of float32 size, for pixels whose propagated bound says too little.
+"""Re-tracing a pixel under noise of the size of rounding, for pixels whose propagated bound says too little.
 
 The propagated bound adds up the sizes of all rounding errors, as if every one of them pushed the colour the
 same way. Where that comes out large (steep textures, grazing chains of mirrors), the pixel is traced again
@@ -49,7 +49,7 @@ FACTOR = math.sqrt(6 * math.log(2 / 1e-6)) * math.sqrt(DRAWS / 7.05)
 
 
 class Shaken(Follower):
-    """A tracer that gives every ray the roundings of a float32 tracer, at random.
+    """A tracer that gives every ray the roundings of the one that is judged, at random.
 
     What meeting a surface costs is given to the direction of the ray that meets it: t times the roundings of
     the plane's distance and slope.

@@ -184,8 +184,8 @@ class Patch:
 class PlacedPatch(Patch):
     """The surface of an instance: a hit inside with its own roundings, and what bringing it out costs.
 
-    The ray is brought in and the hit out by matrices in float64. (Who is met
-    first is decided outside, on vertices put into world space in float64 and rounded once: see `beams`.)
+    The ray is brought in and the hit out by matrices in float64. (Who is met first is decided outside, on vertices
+    put into world space in float64 and rounded once: see `beams`.)
     """
 
     def __init__(self, primitive: Placed, node: RayNode) -> None:

@@ -1,6 +1,6 @@
 """How far a tracer that rounds as `roundoffs` says may be from the exact colour of a pixel, where it decides alike.
 
-The reference's rays are followed once more, and with each ray goes what float32 may have made of it: origin
+The reference's rays are followed once more, and with each ray goes what rounding may have made of it: origin
 and direction as linear forms in error symbols, each between -1 and 1, one for every rounding that counts
 (first-order affine arithmetic: Comba and Stolfi 1993). Symbols keep their signs from bounce to bounce, so
 that what one mirror spreads another may focus again. The largest value of a form is the sum of the sizes of
