@@ -132,9 +132,10 @@ class _Part:
             self.positions, n = flattened(self.positions, self.normals, self.faces)
             self.face_normals = np.broadcast_to(n, self.face_normals.shape)
             self.normals = self.normals[:0]
-            self.positions = self.positions.astype(np.float32)
         if origin.any():  # in double: not every difference is a single number
             self.positions = self.positions - origin
+        else:
+            self.positions = self.positions.astype(np.float32, copy=False)
         self.flags = (
             _SMOOTH * bool(len(self.normals))
             + _TEXCOORDS * bool(len(self.texcoords))
