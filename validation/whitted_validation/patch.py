@@ -133,6 +133,11 @@ class Patch:
         products = np.array([y * r + z * q, z * p + x * r, x * q + y * p])
         return float(self.extent @ products) / float(np.linalg.norm(np.cross(e, f)))
 
+    @property
+    def _off_plane(self) -> float:
+        """How far the plane of a polygon, stored in single, may be off."""
+        return POLYGON * float(np.abs(self._g) @ (self.reach + self.extent)) if self._polygon else 0.0
+
     def distance_roundings(self, t: float) -> float:
         """Own roundings of the meeting, as a distance along the normal."""
         if self._ball:
@@ -142,8 +147,7 @@ class Patch:
             return SPHERE_DISTANCE * far * max(1.0, far / self._radius)
         g, d = np.abs(self._g), np.abs(np.array(self._node.d, float))
         slant = float(g @ d) * t
-        off = POLYGON * float(g @ (self.reach + self.extent)) if self._polygon else 0.0
-        return PLANE_DISTANCE * (slant + float(g @ self.extent)) + PLANE_SLOPE * slant + off
+        return PLANE_DISTANCE * (slant + float(g @ self.extent)) + PLANE_SLOPE * slant + self._off_plane
 
     @property
     def point_roundings(self) -> NDArray[np.float64]:
@@ -153,8 +157,7 @@ class Patch:
         if self._ball or not self.flat:
             return np.asarray(coordinates + 8 * V * (float(self.extent.max()) + self._node.t))
         g = np.abs(self._g)
-        off = POLYGON * float(g @ (self.reach + self.extent)) if self._polygon else 0.0
-        return np.asarray(coordinates + (PLANE_DISTANCE * float(g @ self.extent) + off) * g)
+        return np.asarray(coordinates + (PLANE_DISTANCE * float(g @ self.extent) + self._off_plane) * g)
 
     def uv_error(self, hit: Matrix) -> tuple[float, float]:
         """Bound the errors of the surface coordinates: those that follow from the point, and their own roundings."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -45,27 +45,23 @@ def speed(quick: bool, report: str | None) -> None:
     schedule = QUICK if quick else FULL
     results = Results()
 
+    shown: dict[str, int] = {}
+    last = ""
+
+    def fresh() -> Iterator[str]:
+        nonlocal last
+        for kind, measured in results.scenes.items():
+            for row in measured.rows[shown.get(kind, 0) :]:
+                if kind != last:
+                    yield f"scene {kind}: {measured.title}; times over those of the plugin as it is"
+                yield speed_page.line(row)
+                shown[kind], last = len(measured.rows), kind
+
     def save() -> None:
         if report is not None:
             speed_page.write(Path(report), results, schedule, quick)
 
-    save()  # before any work: the folder can be written to
-    with (
-        tempfile.TemporaryDirectory(prefix="whitted_speed_") as folder,
-        steps("benchmark", schedule.count()) as (told, done),
-    ):
-        shown: dict[str, int] = {}
-        last = ""
-        for _ in run(schedule, Path(folder), results, told):
-            done()
-            for kind, measured in results.scenes.items():
-                for row in measured.rows[shown.get(kind, 0) :]:
-                    if kind != last:
-                        click.echo(f"scene {kind}: {measured.title}; times over those of the plugin as it is")
-                    click.echo(speed_page.lines(row))
-                    shown[kind], last = len(measured.rows), kind
-            save()
-        save()
+    _follow(schedule.count(), lambda folder, told: run(schedule, folder, results, told), fresh, save)
     if quick:
         click.echo("A quick look at small pictures; the targets are those of the full measurement:")
     _say(outcomes(results), results.notes, speed_page.summary(results))
@@ -96,27 +92,42 @@ def error(quick: bool, report: str | None) -> None:
     schedule = QUICK if quick else FULL
     results = Results()
 
+    shown = 0
+
+    def fresh() -> Iterator[str]:
+        nonlocal shown
+        lines = list(error_page.lines(results))
+        yield from lines[shown:]
+        shown = len(lines)
+
     def save() -> None:
         if report is not None:
             error_page.write(Path(report), results, schedule, quick)
 
-    save()  # before any work: the folder can be written to
-    with (
-        tempfile.TemporaryDirectory(prefix="whitted_error_") as folder,
-        steps("benchmark", schedule.count()) as (told, done),
-    ):
-        shown = 0
-        for _ in run(schedule, Path(folder), results, told):
-            done()
-            lines = list(error_page.lines(results))
-            for line in lines[shown:]:
-                click.echo(line)
-            shown = len(lines)
-            save()
-        save()
+    _follow(schedule.count(), lambda folder, told: run(schedule, folder, results, told), fresh, save)
     if quick:
         click.echo("A quick look at small pictures; most targets are those of the full measurement:")
     _say(outcomes(results), results.notes, error_page.summary(results))
+
+
+def _follow(
+    count: int,
+    measure: Callable[[Path, Callable[[str], None]], Iterator[None]],
+    fresh: Callable[[], Iterator[str]],
+    save: Callable[[], None],
+) -> None:
+    """Measure step by step, `count` of them; after each print what is new and keep what is known."""
+    save()  # before any work: the folder can be written to
+    with (
+        tempfile.TemporaryDirectory(prefix="whitted_benchmark_") as folder,
+        steps("benchmark", count) as (told, done),
+    ):
+        for _ in measure(Path(folder), told):
+            done()
+            for line in fresh():
+                click.echo(line)
+            save()
+        save()
 
 
 def _say(held: Iterable[Outcome], notes: list[str], summary: str) -> None:

@@ -96,7 +96,7 @@ def summary(results: Results) -> str:
     return f"{sum(measured)} of {len(measured)} targets met{said_missing}{interrupted}."
 
 
-def lines(row: Row) -> str:
+def line(row: Row) -> str:
     """Return a line of the table on the terminal."""
     name = f"  {row.name:<14}"
     if row.comparison is None:
