@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import statistics
 import time
 from pathlib import Path
@@ -44,6 +45,9 @@ def test_two_hundred_spheres_take_less_than_path_takes(large_scene: mi.Scene) ->
 
 def test_a_picture_is_started_in_a_few_milliseconds(large_scene: mi.Scene) -> None:
     # 5 ms is the requirement; of this thread's own time, which other work on the machine does not stretch.
+    # What all tests before have left would be searched for garbage meanwhile, and that counted in.
+    gc.collect()
+    gc.freeze()
     mi.render(large_scene)
     dr.sync_thread()
     times = []
@@ -53,5 +57,6 @@ def test_a_picture_is_started_in_a_few_milliseconds(large_scene: mi.Scene) -> No
         times.append(time.thread_time() - start)
         dr.sync_thread()
         del picture
+    gc.unfreeze()
     print(f"\nmi.render() returns after {1000 * statistics.median(times):.2f} ms (median of {len(times)})")
     assert statistics.median(times) < 5e-3
