@@ -30,7 +30,7 @@ def centre_of(graph: SceneGraph) -> NDArray[np.float64]:
     corners = np.array([[box.min, box.max] for box in boxes if box.valid()], float).reshape(-1, 2, 3)
     if not len(corners) or not np.isfinite(corners).all():
         return np.zeros(3)
-    middle = np.median(corners.mean(axis=1), axis=0).astype(np.float32).astype(float)
-    from_origin = np.median(np.abs(corners).max(axis=(1, 2)))
+    middle = np.percentile(corners.mean(axis=1), 50, axis=0).astype(np.float32).astype(float)
+    from_origin = np.percentile(np.abs(corners).max(axis=(1, 2)), 50)  # np.median would import all of numpy.ma
     from_middle = np.percentile(np.abs(corners - middle).max(axis=(1, 2)), NEARER)
     return middle if from_origin > WORTHWHILE * from_middle else np.zeros(3)

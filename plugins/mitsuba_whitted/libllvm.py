@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import importlib.metadata
 import os
 import platform
 import re
@@ -110,15 +109,16 @@ def _version(drjit: ModuleType) -> tuple[int, int, int]:
 
 
 def _in_wheel() -> str | None:
-    """Look for the library among the files that pip recorded; the wheel decides where it lies, not we."""
-    try:
-        files = importlib.metadata.files(WHEEL) or []
-    except importlib.metadata.PackageNotFoundError:
-        return None
-    for file in files:
-        path = Path(str(file.locate())).resolve()
-        if re.fullmatch(r"libLLVM\.so\.[\d.]+", file.name) and path.is_file():
-            return str(path)
+    """Look for the library among the files that pip recorded (PEP 376); the wheel decides where it lies, not we.
+
+    ``importlib.metadata`` would say the same, and take a tenth of the time that a small picture takes in all.
+    """
+    for folder in sys.path:
+        for record in Path(folder).glob(f"{WHEEL.replace('-', '_')}-*.dist-info/RECORD"):
+            for file in re.findall(r"^(.*libLLVM\.so\.[\d.]+),", record.read_text(encoding="utf-8"), re.MULTILINE):
+                path = record.parent.parent.joinpath(file).resolve()
+                if path.is_file():
+                    return str(path)
     return None
 
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import gc
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -56,7 +60,21 @@ class Request:
             If the scene, the sensor or the variant cannot be used.
         """
         seen = self.seen  # before anything slow
+        with _modules_alone():
+            why = self._set_variant()
+            from whitted_validation.load import load
+            from whitted_validation.messages import Messages
 
+        messages = Messages(self.verbosity)
+        loaded = load(seen, self.folders, self.defines, sensor)
+        for remark in (None if self.variant else why, loaded.remark, *seen.warnings):
+            if remark:
+                click.echo(f"whitted: {remark}", err=True)
+        messages.show()
+        return loaded
+
+    def _set_variant(self) -> str:
+        """Choose and set the variant, and say why."""
         from whitted_validation import variants
 
         variant, why = variants.choose(self.variant)
@@ -67,14 +85,21 @@ class Request:
         mi.set_variant(variant)
         if self.threads is not None:
             dr.set_thread_count(self.threads)
+        return why
 
-        from whitted_validation.load import load
-        from whitted_validation.messages import Messages
 
-        messages = Messages(self.verbosity)
-        loaded = load(seen, self.folders, self.defines, sensor)
-        for remark in (None if self.variant else why, loaded.remark, *seen.warnings):
-            if remark:
-                click.echo(f"whitted: {remark}", err=True)
-        messages.show()
-        return loaded
+@contextmanager
+def _modules_alone() -> Iterator[None]:
+    """Keep the first import of Mitsuba from being searched for garbage, which takes a fifth of a small picture's time.
+
+    Modules stay to the end. Neither while they are imported nor at exit are their objects looked at.
+    """
+    if "mitsuba" in sys.modules:
+        yield
+        return
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()

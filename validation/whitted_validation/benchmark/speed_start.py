@@ -20,6 +20,9 @@ SIZE = 256
 CACHE = "DRJIT_CACHE_DIR"
 """Names the folder where Dr.Jit keeps compiled kernels."""
 
+BYTECODE = "PYTHONPYCACHEPREFIX"
+"""Names the folder where Python keeps compiled modules; pip compiles those that it installs."""
+
 OURS = "import sys; from whitted_validation.cli import main; main()"
 """What the command `whitted` is."""
 
@@ -53,23 +56,24 @@ class Start:
 def start(file: Path, folder: Path, cache: str, pairs: int, told: Callable[[], None] = lambda: None) -> Start:
     """Draw a scene of `scenes` in whole processes, ours and the bare script in turn.
 
+    The script writes no picture; ours writes a .npy, which costs next to nothing.
+
     Parameters
     ----------
     folder : for the picture, and the private caches
-    cache : cold: every process finds an empty folder; warm: one that an earlier process has filled
+    cache : cold: every process finds an empty folder for its kernels; warm: one that an earlier process has filled
     """
-    scene = ["render", str(file), "-m", "llvm_ad_rgb", "-D", f"size={SIZE}", "-o", str(folder / "start.exr")]
+    scene = ["render", str(file), "-m", "llvm_ad_rgb", "-D", f"size={SIZE}", "-o", str(folder / "start.npy")]
     commands = {"ours": ["-c", OURS, *scene], "bare": ["-c", BARE, str(with_native_materials(file))]}
     with tempfile.TemporaryDirectory(dir=folder) as kept:
-        if cache == "warm":
-            for arguments in commands.values():
-                timed(arguments, {CACHE: kept})
+        for arguments in commands.values():
+            timed(arguments, {CACHE: kept, BYTECODE: kept})
         taken: dict[str, list[Sample]] = {"ours": [], "bare": []}
         for number in range(pairs):
             for name in ("bare", "ours")[:: -1 if number % 2 else 1]:
                 with tempfile.TemporaryDirectory(dir=folder) as empty:
                     used = kept if cache == "warm" else empty
-                    taken[name].append(timed(commands[name], {CACHE: used}))
+                    taken[name].append(timed(commands[name], {CACHE: used, BYTECODE: kept}))
             told()
     pairs_taken = list(zip(taken["ours"], taken["bare"], strict=True))
     wall, cpu = (interval([getattr(x, c) / getattr(y, c) for x, y in pairs_taken]) for c in ("wall", "cpu"))
@@ -80,11 +84,12 @@ def timed(arguments: Sequence[str], environment: Mapping[str, str]) -> Sample:
     """Run Python to its end, with the libLLVM that the plugin has chosen."""
     import mitsuba_whitted
 
+    inherited = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     chosen = {"DRJIT_LIBLLVM_PATH": str(mitsuba_whitted.LIBLLVM.path)} if mitsuba_whitted.LIBLLVM.path else {}
     with tempfile.TemporaryFile() as said:
         began = time.perf_counter()
         process = subprocess.Popen(
-            [sys.executable, *arguments], env={**os.environ, **chosen, **environment}, stdout=said, stderr=said
+            [sys.executable, *arguments], env={**inherited, **chosen, **environment}, stdout=said, stderr=said
         )
         try:
             _, status, usage = os.wait4(process.pid, 0)
