@@ -50,10 +50,16 @@ class Lights:
         self.count = len(rows)
         self.where = [np.array(row[:3]) for row in rows]
         """Position of each, or the unit vector towards it if it is directional."""
-        self._rows = double_column(np.reshape(rows, (-1, 3)))
         self._width = len(rows[0]) // 3
-        self._colours = column(radiant)
-        self._opaque_count = opaque(mi.UInt32(self.count))
+        self._unrolled = self.count <= UNROLL or not dr.is_jit_v(mi.Float)
+        vectors = np.reshape(rows, (-1, 3))
+        if self._unrolled:  # data of the kernel, for a load of one number is cheaper than a row's of a table
+            self._vectors = [opaque(mi.Vector3d(*vector)) for vector in vectors.tolist()]
+            self._spectra = [opaque(mi.Spectrum(*colour)) for colour in radiant]
+        else:
+            self._rows = double_column(vectors)
+            self._colours = column(radiant)
+            self._opaque_count = opaque(mi.UInt32(self.count))
 
     def described(self) -> str:
         """Kind and, while they are part of the kernel one by one, the number of these lights."""
@@ -66,7 +72,7 @@ class Lights:
             return i + 1, *(a + b for a, b in zip(sums, term(self._sample(i, p, inverse_square)), strict=True))
 
         state: tuple[Any, ...] = (mi.UInt32(0), mi.Spectrum(0), mi.UInt32(0), mi.UInt32(0))
-        if self.count <= UNROLL or not dr.is_jit_v(mi.Float):
+        if self._unrolled:
             for i in range(self.count):
                 state = add(i, *state[1:])
         else:
@@ -75,9 +81,10 @@ class Lights:
 
     def _sample(self, i: Any, p: Any, inverse_square: bool) -> Sample:
         def vector(j: int) -> Any:
-            return fetch(mi.Vector3d, self._rows, i * self._width + j)
+            row = i * self._width + j
+            return self._vectors[row] if self._unrolled else fetch(mi.Vector3d, self._rows, row)
 
-        colour = fetch(mi.Spectrum, self._colours, i)
+        colour = self._spectra[i] if self._unrolled else fetch(mi.Spectrum, self._colours, i)
         name = mi.UInt32(i + _KIND_NUMBERS[self.kind]) * mi.UInt32(GOLDEN)
         if self.kind == "directional":
             return Sample(mi.Vector3f(vector(0)), colour, mi.Float(dr.inf), mi.Bool(True), mi.Float(dr.inf), name)
