@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from mitsuba_whitted.blinn_phong import MAX_EXPONENT, PARAMETERS
 from mitsuba_whitted.errors import SceneError
@@ -96,6 +97,8 @@ class Coefficient:
         Name of the coefficient in messages.
     most : float
         Largest value allowed of a constant; the values of a texture are clamped if this is a Float.
+    order
+        For each row of the table the number of its entry; None for all as they are.
 
     Raises
     ------
@@ -104,7 +107,13 @@ class Coefficient:
     """
 
     def __init__(
-        self, graph: SceneGraph, kind: Any, entries: list[tuple[str, Scaled | None]], what: str, most: float
+        self,
+        graph: SceneGraph,
+        kind: Any,
+        entries: list[tuple[str, Scaled | None]],
+        what: str,
+        most: float,
+        order: NDArray[np.int_] | None = None,
     ) -> None:
         self._graph, self._kind, self._most = graph, kind, most
         width = 1 if kind is mi.Float else dr.size_v(kind)
@@ -126,8 +135,9 @@ class Coefficient:
         self.largest = max(
             (value * (most if i else 1) for row, [i] in zip(rows, numbers, strict=True) for value in row), default=0.0
         )
-        self._rows = column(rows)
-        self._numbers = index_column(numbers)
+        in_order = slice(None) if order is None else order
+        self._rows = column(np.array(rows)[in_order])
+        self._numbers = index_column(np.array(numbers)[in_order])
 
     def at(self, material: Any, si: Any, active: Any) -> Any:
         """Value for the row `material` at the surface point `si`, which only textures look at."""
@@ -186,21 +196,24 @@ class Materials:
     """All materials of a scene, by the rows of the shapes that wear them."""
 
     def __init__(self, graph: SceneGraph) -> None:
-        rows: dict[mi.BSDF, tuple[int, int]] = {}
-        materials = [Material("the back of a one-sided surface")]  # row 0: black
-        wearing = []
+        sides: dict[mi.BSDF, tuple[Material, Material | None]] = {}
         for shape in graph.all_shapes:
             bsdf = shape.bsdf()
-            if bsdf not in rows:
-                front, behind = material_of(graph, bsdf, shape)
-                rows[bsdf] = (len(materials), len(materials) + 1 if behind else 0)
-                materials += [front, behind] if behind else [front]
-            wearing.append(rows[bsdf])
-        self.two_sided = any(behind for _, behind in wearing)
-        self._rows_of_shape = index_column(wearing)
+            if bsdf not in sides:
+                sides[bsdf] = material_of(graph, bsdf, shape)
+        self.two_sided = any(behind for _, behind in sides.values())
+        black = Material("the back of a one-sided surface")
+        worn = [sides[shape.bsdf()] for shape in graph.all_shapes]
+        # A row for each side of each shape, so that one look-up leads from the shape to its coefficients.
+        rows = [side or black for pair in worn for side in (pair if self.two_sided else pair[:1])]
+        distinct = {id(row): row for row in rows}
+        materials, numbers = list(distinct.values()), {key: number for number, key in enumerate(distinct)}
+        self.one = len(materials) == 1
+        """Whether every surface wears the same, whose coefficients then are constants of the kernel."""
+        order = np.array([0] if self.one else [numbers[id(row)] for row in rows], int)
 
         def coefficient(kind: Any, letter: str, what: str, most: float) -> Coefficient:
-            return Coefficient(graph, kind, [(m.owner, getattr(m, letter)) for m in materials], what, most)
+            return Coefficient(graph, kind, [(m.owner, getattr(m, letter)) for m in materials], what, most, order)
 
         self.k_d = coefficient(mi.Spectrum, "k_d", "diffuse reflectance", 1)
         self.k_s = coefficient(mi.Spectrum, "k_s", "specular reflectance", 1)
@@ -216,9 +229,8 @@ class Materials:
         for coefficient in (self.k_d, self.k_s, self.k_m, self.exponent, *shared):
             yield from coefficient.squares(material, uv, active)
 
-    def row_of(self, shape: Any, from_behind: Any, active: Any) -> Any:
+    def row_of(self, shape: Any, from_behind: Any) -> Any:
         """Row of the material that shape row `shape` shows on this side."""
-        if not self.two_sided:
-            return fetch(mi.Vector2u, self._rows_of_shape, shape, active).x
-        rows = fetch(mi.Vector2u, self._rows_of_shape, shape, active)
-        return dr.select(from_behind, rows.y, rows.x)
+        if self.one:
+            return mi.UInt32(0)
+        return 2 * shape + dr.select(from_behind, mi.UInt32(1), mi.UInt32(0)) if self.two_sided else shape

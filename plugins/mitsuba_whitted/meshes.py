@@ -43,6 +43,7 @@ class Meshes:
         ]
         meshes = [part for part in parts if part]
         self.smooth = any(len(part.normals) for part in meshes)
+        self.flipped = any(part.flags & _FLIPPED for part in meshes)
         if not meshes:
             return
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mitsuba_whitted import precise
 from mitsuba_whitted.accel import Accel
 from mitsuba_whitted.centre import centre_of
-from mitsuba_whitted.few import Few, few_of
+from mitsuba_whitted.few import MOST_FLAT, Few, few_of
 from mitsuba_whitted.instances import Instances
 from mitsuba_whitted.meshes import Meshes
 from mitsuba_whitted.ray import Found, Ray
@@ -59,7 +59,16 @@ class Surfaces:
             self._searches.append(Accel(graph, shapes, few, self.centre))
         self._a_r = double_column([*row.a, row.r] for row in rows)
         self._b_sign = double_column([*row.b, row.sign] for row in rows)
-        if self.kinds & PLANES:
+        self._flipped = any(row.sign < 0 for row in rows if row.kind != Kind.MESH)
+        planes = {number: row for number, row in enumerate(rows) if row.kind in PLANES}
+        self._few_planes: dict[int, tuple[Any, Any]] = {}
+        """Shading and geometric normals of the planes if these are so few that constants serve better than a table."""
+        if len(planes) <= MOST_FLAT:
+            self._few_planes = {
+                number: tuple(opaque(mi.Normal3d(*normal.tolist())) for normal in (row.b, row.plane))
+                for number, row in planes.items()
+            }
+        else:
             self._planes = double_column(row.plane for row in rows)
         self._reach_kind = column([*row.reach, row.kind] for row in rows)
         self._to_local = column(axis for row in rows for axis in row.to_local)
@@ -113,16 +122,17 @@ class Surfaces:
 
         sign = mi.Float64(1)
         reach_kind = fetch(mi.Vector4f, self._reach_kind, shape, valid)
-        reach, kind = mi.Vector3f(reach_kind.xyz), reach_kind.w
+        reach, kind = mi.Vector3f(reach_kind.xyz), self._kind(shape, reach_kind.w)
         p, n, n_g, uv = mi.Point3d(0), mi.Normal3d(0), mi.Normal3d(0), mi.Point2f(0)
 
         if self.kinds - {Kind.MESH}:
             a_r = fetch(mi.Vector4d, self._a_r, shape, valid)
             b_sign = fetch(mi.Vector4d, self._b_sign, shape, valid)
             a, r = mi.Point3d(a_r.xyz), a_r.w
-            b, sign = mi.Normal3d(b_sign.xyz), b_sign.w
+            b = mi.Normal3d(b_sign.xyz)
+            sign = b_sign.w if self._flipped else sign
             if self.kinds & PLANES:
-                n, n_g = b, fetch(mi.Normal3d, self._planes, shape, valid)
+                n, n_g = self._plane_normals(shape, b, valid)
                 p = mi.Point3d(precise.plane_point(o, d, a, n_g))
             if Kind.SPHERE in self.kinds:
                 outward = mi.Normal3d(precise.sphere_normal(o, d, a, r, t))
@@ -149,12 +159,34 @@ class Surfaces:
             own_reach = dr.maximum(on_mesh.reach, reach) if self.instances else on_mesh.reach
             reach = dr.select(here, own_reach, reach)
 
-        n, n_g = n * sign, n_g * sign
+        if self._flipped or self.meshes.flipped:
+            n, n_g = n * sign, n_g * sign
         if self.instances:
             p, n, n_g, reach = placement.to_world(p, n, n_g, reach)
         if self.meshes.smooth:
             n_g = dr.select(dr.dot(n_g, n) < 0, -n_g, n_g)
         return Hit(shape, p, n, n_g, uv, reach)
+
+    def _kind(self, shape: Any, fetched: Any) -> Any:
+        """Kind of a shape: as fetched from the table, unless the numbers of the shapes tell it for less."""
+        if self.searched and len(self.kinds) > 1:
+            return fetched
+        kinds = [row.kind for row in self.rows]
+        most = max(self.kinds, key=kinds.count)
+        kind = mi.Float(float(most))
+        for number, other in enumerate(kinds):
+            if other != most:
+                kind = dr.select(shape == number, float(other), kind)
+        return kind
+
+    def _plane_normals(self, shape: Any, b: Any, active: Any) -> tuple[Any, Any]:
+        """Shading and geometric normal of a rectangle or disk; anything of another shape."""
+        if not self._few_planes:
+            return b, fetch(mi.Normal3d, self._planes, shape, active)
+        (_, (n, n_g)), *others = self._few_planes.items()
+        for number, (other, other_g) in others:
+            n, n_g = dr.select(shape == number, other, n), dr.select(shape == number, other_g, n_g)
+        return n, n_g
 
     def _texture_coordinates(self, kind: Any, off_origin: Any, shape: Any, active: Any) -> Any:
         """Mitsuba's (u, v) of its analytic shapes, from a vector off the image of their local origin."""

@@ -33,8 +33,9 @@ def index_column(rows: Iterable[Any]) -> Any:
 def stored(rows: NDArray[Any]) -> Any:
     """Store rows, (n, width) of float32, float64 or uint32, flat, where a kernel finds them.
 
-    A row of three takes the place of four: the processor then loads it at once, and not number by number. Scalar
-    variants get plain Python numbers.
+    A row of three takes the place of four: the processor then loads it at once, and not number by number. A single
+    row is no table but data of the kernel: a number is then loaded once, not once a lane. Scalar variants get plain
+    Python numbers.
     """
     kind: Any = {"float32": mi.Float, "float64": mi.Float64, "uint32": mi.UInt32}[rows.dtype.name]
     values = np.ascontiguousarray(rows)
@@ -42,6 +43,8 @@ def stored(rows: NDArray[Any]) -> Any:
         values = np.pad(values, ((0, 0), (0, 1)))
     if not dr.is_jit_v(mi.Float):
         return values.ravel().tolist()
+    if len(values) == 1:
+        return tuple(opaque(kind(number)) for number in values.ravel().tolist())
     # A copy in Dr.Jit's own memory. Numpy's would be shared, and may be aligned less: a gather of pairs is then
     # compiled otherwise, so that the kernel would depend on where numpy happened to allocate.
     table = dr.empty(kind, values.size)
@@ -62,6 +65,8 @@ def fetch(kind: Any, table: Any, row: Any, active: Any = True) -> Any:
     A literal `row` stays data: Dr.Jit makes it a parameter of the kernel, which another value does not recompile.
     """
     width = max(1, dr.size_v(kind)) if dr.depth_v(kind) else 1
+    if isinstance(table, tuple):
+        return kind(*table[:width])
     if dr.is_jit_v(mi.Float):
         if width == 3:
             four = {dr.VarType.UInt32: mi.Vector4u, dr.VarType.Float64: mi.Vector4d}.get(dr.type_v(kind), mi.Vector4f)

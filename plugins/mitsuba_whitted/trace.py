@@ -208,7 +208,7 @@ def _surface(stage: Stage, plan: Plan, chain: _Chain, met: Found, found: Any, no
     n, n_g = precise.unit(hit.n), precise.unit(hit.n_g)
     lit = (in_front | behind) & (chain.k + 1 < stage.max_depth)
     note("surface", met=met, found=found, p=hit.p, n=n, n_g=n_g, facing=in_front | behind, lit=lit)
-    material = stage.materials.row_of(hit.shape, behind, lit)
+    material = stage.materials.row_of(hit.shape, behind)
     si = _surface_interaction(hit) if plan.textured else None
     return _Surface(found, hit, n, n_g, mi.Vector3f(v), in_front, behind, lit, material, si)
 
