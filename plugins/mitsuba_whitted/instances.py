@@ -52,8 +52,8 @@ class Instances:
         placed = [matrix_of(to_world, name) for to_world, name in zip(transforms, names, strict=True)]
         turning = [np.array(to_world.inverse_transpose, float).reshape(4, 4)[:3, :3] for to_world in transforms]
         matrices = [np.eye(4), *(moved(matrix, -centre) for matrix in placed)]
-        self._to_world = double_column(matrix[:3].ravel() for matrix in matrices)
-        self._to_local = double_column(np.linalg.inv(matrix)[:3].ravel() for matrix in matrices)
+        self._to_world = double_column(row for matrix in matrices for row in matrix[:3])
+        self._to_local = double_column(row for matrix in matrices for row in np.linalg.inv(matrix)[:3])
         self._normals = column(row for matrix in [np.eye(3), *turning] for row in matrix)
 
     def placement(self, instance: Any, active: Any) -> Placement:

@@ -101,7 +101,7 @@ class Lights:
             theta = dr.atan2(dr.sqrt(x * x + y * y), z)  # in double: the ramp may be as narrow as one likes
             cutoff, beam, slope = vector(4)
             f = mi.Float(dr.select(theta <= beam, 1, dr.maximum(cutoff - theta, 0) * slope))
-            colour *= f
+            colour = colour * f
             reaches = reaches & (f > 0)
         if inverse_square:
             colour = dr.select(away, colour * dr.rcp(distance * distance), 0)

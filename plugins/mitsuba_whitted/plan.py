@@ -11,6 +11,7 @@ import numpy as np
 from mitsuba_whitted.camera import Camera
 from mitsuba_whitted.shapes import Kind
 from mitsuba_whitted.stage import Stage
+from mitsuba_whitted.tables import FEW_ROWS
 
 
 def _part(words: str, without: str) -> Any:
@@ -28,6 +29,8 @@ class Plan:
     inside: bool = _part("rays that begin inside a ball", "camera and lights are outside of all balls")
     smooth_normals: bool = _part("interpolated vertex normals", "no mesh has vertex normals")
     instances: bool = _part("instances", "there is none")
+    tables: bool = _part("tables of shapes", "so few shapes are constants of the kernel")
+    materials: bool = _part("coefficients of several materials", "all surfaces wear the same")
     textured: bool = _part("texture coordinates and textures", "every coefficient is constant on its surface")
     two_sided: bool = _part("the back of surfaces", "no BSDF is two-sided")
     emission: bool = _part("glowing surfaces", "no area emitter")
@@ -74,6 +77,8 @@ def plan_of(stage: Stage, camera: Camera | None = None) -> Plan:
         inside=_inside(stage, camera),
         smooth_normals=surfaces.meshes.smooth,
         instances=surfaces.instances is not None,
+        tables=len(surfaces.rows) > FEW_ROWS,
+        materials=not materials.one,
         textured=any(k.textures for k in [*coefficients, stage.emission]),
         two_sided=materials.two_sided,
         emission=emission,

@@ -14,6 +14,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+FEW_ROWS = 8
+"""A table of so many rows stands in the kernel as constants, among which a lane selects."""
+
 
 def column(rows: Iterable[Any]) -> Any:
     """Store rows of floats one after another as float32."""
@@ -33,9 +36,9 @@ def index_column(rows: Iterable[Any]) -> Any:
 def stored(rows: NDArray[Any]) -> Any:
     """Store rows, (n, width) of float32, float64 or uint32, flat, where a kernel finds them.
 
-    A row of three takes the place of four: the processor then loads it at once, and not number by number. A single
-    row is no table but data of the kernel: a number is then loaded once, not once a lane. Scalar variants get plain
-    Python numbers.
+    A row of three takes the place of four: the processor then loads it at once, and not number by number. A few rows
+    are data of the kernel, a list of tuples: to select a row among them takes less than to load one for each lane.
+    Scalar variants get plain Python numbers.
     """
     kind: Any = {"float32": mi.Float, "float64": mi.Float64, "uint32": mi.UInt32}[rows.dtype.name]
     values = np.ascontiguousarray(rows)
@@ -43,8 +46,8 @@ def stored(rows: NDArray[Any]) -> Any:
         values = np.pad(values, ((0, 0), (0, 1)))
     if not dr.is_jit_v(mi.Float):
         return values.ravel().tolist()
-    if len(values) == 1:
-        return tuple(opaque(kind(number)) for number in values.ravel().tolist())
+    if 0 < len(values) <= FEW_ROWS:
+        return [tuple(opaque(kind(number)) for number in row) for row in values.tolist()]
     # A copy in Dr.Jit's own memory. Numpy's would be shared, and may be aligned less: a gather of pairs is then
     # compiled otherwise, so that the kernel would depend on where numpy happened to allocate.
     table = dr.empty(kind, values.size)
@@ -65,9 +68,12 @@ def fetch(kind: Any, table: Any, row: Any, active: Any = True) -> Any:
     A literal `row` stays data: Dr.Jit makes it a parameter of the kernel, which another value does not recompile.
     """
     width = max(1, dr.size_v(kind)) if dr.depth_v(kind) else 1
-    if isinstance(table, tuple):
-        return kind(*table[:width])
     if dr.is_jit_v(mi.Float):
+        if isinstance(table, list):
+            first, *others = (kind(*numbers[:width]) for numbers in table)
+            for i, other in enumerate(others, 1):
+                first = dr.select(row == i, other, first)
+            return first
         if width == 3:
             four = {dr.VarType.UInt32: mi.Vector4u, dr.VarType.Float64: mi.Vector4d}.get(dr.type_v(kind), mi.Vector4f)
             return kind(dr.gather(four, table, mi.UInt32(row), active).xyz)

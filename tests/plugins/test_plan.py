@@ -56,6 +56,8 @@ MIRROR = {**GREY, "mirror_reflectance": 0.1}
         ("searched", {"ball": BALL}, {"box": {"type": "cube"}}),
         ("few", {"floor": {"type": "cube"}}, {"ball": BALL}),
         ("inverse_square", {"integrator": {"falloff": "none"}, "lamp": POINT}, {"lamp": POINT}),
+        ("tables", {"ball": BALL}, {f"ball {i}": BALL for i in range(8)}),
+        ("materials", {}, {"ball": BALL}),
         ("smooth_normals", {}, {"box": {"type": "cube"}}),
         ("epsilon", {}, {"integrator": {"epsilon": 1e-3}}),
     ],

@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mitsuba_whitted import integrator, lights, stage, trace
+from mitsuba_whitted import integrator, lights, stage, surfaces, tables, trace
 
 Patch = Callable[[pytest.MonkeyPatch], None]
 
@@ -81,6 +81,29 @@ def test_the_kernel_is_smaller_and_the_picture_the_same(
     with_all, more_operations, _ = look(scene(**contents))
     assert np.array_equal(picture, with_all)
     assert operations < more_operations
+
+
+def gathers(of: mi.Scene) -> int:
+    """Count how often the kernel of a picture gathers a value for every lane."""
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        dr.kernel_history_clear()
+        np.array(mi.render(of, spp=1))
+        kernels = [kernel for kernel in dr.kernel_history() if kernel["type"] == dr.KernelType.JIT]
+    return max(kernel["ir"].getvalue().count("gather") for kernel in kernels)
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_few_shapes_and_lights_are_constants_and_nothing_is_gathered(
+    llvm_ad_rgb: str, alone: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    contents = {"sky": {"type": "constant"}, "floor": None, "left": None} if alone else {}
+    picture, few = look(scene(**contents))[0], gathers(scene(**contents))
+    monkeypatch.setattr(tables, "FEW_ROWS", 0)
+    monkeypatch.setattr(lights, "UNROLL", 0)
+    monkeypatch.setattr(surfaces, "MOST_FLAT", 0)
+    with_tables, more = look(scene(**contents))[0], gathers(scene(**contents))
+    assert np.array_equal(picture, with_tables)
+    assert few == 0 < more
 
 
 @pytest.mark.parametrize("bsdf", [GREY, SHINY])
