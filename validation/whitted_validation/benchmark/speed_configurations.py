@@ -16,6 +16,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from whitted_validation.benchmark.floor import Floor
 from whitted_validation.benchmark.limit import Limit
 from whitted_validation.benchmark.speed_native import with_native_materials
 
@@ -94,6 +95,13 @@ def _with_epsilon(file: Path, size: int) -> Draw:
 
 def _limit(file: Path, size: int) -> Draw:
     return Limit(file, size).draw
+
+
+def _floor(file: Path, size: int) -> Draw:
+    try:
+        return Floor(file, size).draw
+    except ValueError as error:
+        raise Unavailable(str(error)) from None
 
 
 def _native(integrator: dict[str, Any], native_materials: bool) -> Callable[[Path, int], Draw]:
@@ -207,7 +215,7 @@ def _no_branch(_old: Any) -> Any:
 
 _THE_LOOP = _plan(mirrors=True)
 _HIGHLIGHT = _plan(specular=True)
-_BACKS = _replace("materials", "Materials.__init__", _after_init("two_sided", True))
+_BACKS = _plan(two_sided=True)
 _TEXTURED = _plan(textured=True)
 _EMISSION = _plan(emission=True)
 _EMBREE_ALONE = _replace("surfaces", "few_of", lambda _: lambda *_: [])
@@ -215,6 +223,7 @@ _ROW_BY_ROW = _replace("film", "TILE", lambda _: 1)
 _BRANCHLESS = _replace("trace", "dr.if_stmt", _no_branch)
 _ASK_ALL = _replace("surfaces", "Surfaces.blocked", _always)
 _INSIDE = _plan(inside=True)
+_TABLES = _replace("tables", "FEW_ROWS", lambda _: 0)
 _EMBREE_FOR_BALLS = _replace("few", "MOST_ALONE", lambda _: 0)
 _ALL_CAST = _replace("stage", "casters", lambda _: lambda _graph, _rows, few, *_rest: set(few))
 
@@ -224,18 +233,20 @@ _PLAIN_POWER = _replace(
 _RAY_TEST = _replace("accel", "Accel.__init__", _after_init("_round", False))
 
 _WITHOUT_FEW = (_EMBREE_ALONE, _ALL_CAST)
-_GENERAL = (_THE_LOOP, _HIGHLIGHT, _BACKS, _TEXTURED, _EMISSION, *_WITHOUT_FEW)
+_GENERAL = (_THE_LOOP, _HIGHLIGHT, _BACKS, _TEXTURED, _EMISSION, _TABLES, *_WITHOUT_FEW)
 
 PLANNED, POVRAY = "planned", "povray"
 
 CONFIGURATIONS = (
     Configuration(PLANNED, "plugin", "the plugin as it is", _whitted),
     Configuration("limit", "plugin", "Embree's answers to the same rays and nothing else", _limit),
+    Configuration("floor", "plugin", "balls on a floor by hand: rays, hits, light and film, and no plan", _floor),
     Configuration("general", "plugin", "one kernel for all scenes: Embree alone, nothing left out", _whitted, _GENERAL),
     Configuration("same", "control", "the plugin as it is, once more: the ratio is 1", _whitted, in_kernel=False),
     Configuration("twice", "control", "each picture drawn twice: the ratio is 2", _twice, in_kernel=False),
     Configuration("embree", "skip", "Embree searches among few shapes too", _whitted, _WITHOUT_FEW),
     Configuration("hybrid", "skip", "few balls through Embree, few rectangles not", _whitted, (_EMBREE_FOR_BALLS,)),
+    Configuration("tables", "skip", "tables, where few shapes are constants", _whitted, (_TABLES,)),
     Configuration("casters", "skip", "shadow rays try what can throw no shadow", _whitted, (_ALL_CAST,)),
     Configuration("loop", "skip", "the loop over mirror bounces, without mirrors", _whitted, (_THE_LOOP,)),
     Configuration("backs", "skip", "the back of surfaces, though none is two-sided", _whitted, (_BACKS,)),
