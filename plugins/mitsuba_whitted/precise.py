@@ -9,6 +9,7 @@ of a frame (`whitted benchmark speed`): few formulas hold them, and these need n
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import drjit as dr
@@ -133,11 +134,11 @@ SHADOW_END = 1 - 4 * UNIT_ROUNDOFF
 The distance (a rounded difference, half of 3, a root) carries fewer than 4 roundings.
 """
 
-LEAST_POWER = -150
-"""2 to this is less than half the least float32. Dr.Jit's exp2 of Python numbers goes wrong near -1024."""
+LEAST_EXPONENT = -126
+"""2 to this is the least normal float32: what is less counts as 0."""
 
-SERIES_BELOW = 0.01
-"""Below this y the logarithm of 1 - y is a series: its fifth term, y^5 / 5, is then below u y / 29."""
+ROOT_HALF = 0x3F3504F3
+"""Bits of the float32 next to sqrt(1/2)."""
 
 
 def specular_power(n: Any, h: Any, exponent: Any) -> Any:
@@ -145,12 +146,48 @@ def specular_power(n: Any, h: Any, exponent: Any) -> Any:
 
     With the chord e = n - h and y = |e|^2 / 2 = 1 - n.h the power is exp(exponent log(1 - y)). The chord is
     exact to u where n.h itself would have lost y: n.h near 1 has a spacing of u, so that a power of 10^6
-    would be off by 6 %. No value exceeds 1. For exponents p >= 1 two errors are left: of n and h, whose
-    rounding before the call moves the result by at most sqrt(p / e) u sqrt(3), 6e-5 at p = 10^6; and of the
-    logarithm, which from y = `SERIES_BELOW` on is off by the rounding of 1 - y, at most p u e^(-p y) or
-    u / (e y) = 2.2e-6. Below p = 1 the power is steep at n.h = 0, and digits are lost there by any formula.
+    would be off by 6 %. No value exceeds 1. For exponents p >= 1 three errors are left: of n and h, whose
+    rounding before the call moves the result by at most sqrt(p / e) u sqrt(3), 6e-5 at p = 10^6; of 1 - y where
+    that is below sqrt(1/2), at most u / (e y) = 1.3 u; and of the functions: 7 u of the logarithm moves the result
+    by at most 7 u / e, and the power of 2 adds 3 u. Below p = 1 the power is steep at n.h = 0, and digits are lost
+    there by any formula.
     """
     y = dr.squared_norm(n - h) * 0.5
-    series = -y * dr.fma(y, dr.fma(y, dr.fma(y, 0.25, 1 / 3), 0.5), 1.0)
-    log2 = dr.select(y < SERIES_BELOW, series * dr.inv_log_two, dr.log2(dr.maximum(1 - y, 0)))
-    return dr.select(y < 1, dr.exp2(dr.maximum(exponent * log2, LEAST_POWER)), 0)
+    if not dr.is_jit_v(mi.Float):
+        return math.exp(exponent * math.log1p(-y)) if y < 1 else 0.0
+    power = dr.maximum(exponent * _log2_of_1_minus(y), LEAST_EXPONENT)
+    return dr.select((y < 1) & (power > LEAST_EXPONENT), _exp2(power), 0)
+
+
+def _log2_of_1_minus(y: Any) -> Any:
+    """Logarithm of 1 - y, 0 <= y < 1, right to 6 u of itself also where y is next to nothing.
+
+    1 - y = 2^e m with sqrt(1/2) <= m = 1 + z < sqrt(2), and log(1 + z) = 2 artanh(s) with s = z / (2 + z),
+    |s| < 0.172: the series ends where its next term, s^10 / 11, is below u / 29. Where e = 0, z is -y, without the
+    rounding of 1 - y.
+    """
+    bits: Any = dr.reinterpret_array(mi.Int32, 1 - y)
+    e = (bits - ROOT_HALF) >> 23
+    m: Any = dr.reinterpret_array(mi.Float, bits - (e << 23))
+    z = dr.select(e == 0, -y, m - 1)
+    s = z * dr.rcp(2 + z)
+    series = _polynomial(s * s, [1, 1 / 3, 1 / 5, 1 / 7, 1 / 9])
+    return dr.fma(2 / math.log(2) * s, series, mi.Float(e))
+
+
+def _exp2(x: Any) -> Any:
+    """2^x for -126 <= x <= 0, right to 3 u of itself.
+
+    2^k exp(f log 2) with |f| <= 1/2: the series ends where its next term, (log(2) / 2)^8 / 8!, is below u / 11.
+    """
+    k = dr.floor(x + 0.5)
+    series = _polynomial((x - k) * math.log(2), [1 / math.factorial(i) for i in range(8)])
+    return series * dr.reinterpret_array(mi.Float, (mi.Int32(k) + 127) << 23)
+
+
+def _polynomial(x: Any, coefficients: list[float]) -> Any:
+    """Sum of ``coefficients[i] * x^i``, by Horner's rule."""
+    *rest, value = coefficients
+    for coefficient in reversed(rest):
+        value = dr.fma(x, value, coefficient)
+    return value

@@ -268,7 +268,7 @@ PLUGIN: dict[str, Patch] = {
     "hit points a thousandth off": hit(lambda h: h._replace(p=mi.Point3d(h.p + 1e-3 * mi.Vector3d(h.n)))),
     "lights a hundred thousandth brighter": sampled(lambda light, _: light._replace(colour=light.colour * 1.00001)),
     "backs look like fronts": replaced(
-        Materials, "row_of", lambda f: lambda self, shape, behind, active: f(self, shape, mi.Bool(False), active)
+        Materials, "row_of", lambda f: lambda self, shape, behind: f(self, shape, mi.Bool(False))
     ),
     "texture upside down": replaced(
         Surfaces, "_texture_coordinates", lambda f: lambda *a: mi.Point2f(f(*a).y, f(*a).x + 0.01)

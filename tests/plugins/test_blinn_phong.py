@@ -86,8 +86,8 @@ def power_limit(exponent):
 
     h has 6 roundings (a sum, half of three in the squared norm, root, reciprocal, product, difference), so
     that the chord e is off by 6 u and y = |e|^2 / 2 by 6 u sqrt(2 y). The power changes by at most
-    p exp(-p y) 6 u sqrt(2 y), which is largest, 6 u sqrt(p / e), at y = 1 / 2p. With t = p y, logarithm,
-    product and exponential add 3 u t exp(-t) <= 3 u / e and 3 u, the square at most 2 u.
+    p exp(-p y) 6 u sqrt(2 y), which is largest, 6 u sqrt(p / e), at y = 1 / 2p. With t = p y, logarithm and
+    product add 7 u t exp(-t) <= 7 u / e, the exponential 3 u, the square at most 2 u: 8 u together.
     """
     return U * (6 * math.sqrt(exponent / math.e) + 8)
 

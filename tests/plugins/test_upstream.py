@@ -19,7 +19,7 @@ BALL = {"type": "scene", "ball": {"type": "sphere", "center": [0, 0, 5]}}
 
 
 @pytest.mark.xfail(
-    strict=True, raises=AssertionError, reason="exp2 of a Python number is -inf there; hence precise.LEAST_POWER"
+    strict=True, raises=AssertionError, reason="exp2 of a Python number is -inf there; hence math.exp in precise"
 )
 def test_a_power_of_two_below_the_least_double_is_zero() -> None:
     assert dr.exp2(-1023.75) >= 0

@@ -32,6 +32,7 @@ from whitted_validation.roundoffs import (
     CONE_PLACE,
     COSINE,
     IRRADIANCE,
+    LOGARITHM,
     OFFSET,
     PLACED,
     POWER,
@@ -372,7 +373,7 @@ class Rounding:
         most, least = _lobe(max(alpha - angle, 0.0), exponent), _lobe(alpha + angle, exponent)
         swing = max(most - value, value - least)
         logarithm = -math.log(value) if value > 0.0 else 0.0
-        swing += value * (POWER + 3 * U * logarithm)
+        swing += value * (POWER + LOGARITHM * logarithm)
         off_p = self._texture(node, "exponent", uv)
         if off_p > 0.0:
             swing += value * min(1.0, off_p / max(exponent, 1e-300) * (logarithm + 1.0))

@@ -56,7 +56,10 @@ COSINE = UNIT_VECTOR + TO_LIGHT + 3 * U
 IRRADIANCE = 10 * U
 # k_d (n.l) + k_s f times I: two products and a sum each, and k itself rounded.
 TERM = 5 * U
-# exp2(p log2(1 - y)): the chord carries its own roundings (see below), exp2 and log2 two each.
+# exp2(p log2(1 - y)): the chord carries its own roundings (see below). The logarithm: sum 1, reciprocal 1, product 1,
+# with a rounded constant 2, fused sum 1; and the product with p.
+LOGARITHM = 7 * U
+# The power of 2: of an exponent within 1/2 a product with a rounded constant 1, fused sums 2, and the chord's half 1.
 POWER = 4 * U
 # A place in a shape's own axes, as a distance, relative to its size: difference 1, row of a matrix 1, dot product 3.
 LOCAL = 5 * U

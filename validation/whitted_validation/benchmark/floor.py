@@ -43,7 +43,9 @@ class Floor:
         self._balls: Any = mi.load_dict(
             {"type": "scene", **{f"ball_{i:03}": sphere for i, sphere in enumerate(spheres)}}, optimize=False
         )
-        self._centre_r = mi.Float64([x for ball in balls for x in (*_numbers(ball, "center"), *_numbers(ball, "radius"))])
+        self._centre_r = mi.Float64(
+            [x for ball in balls for x in (*_numbers(ball, "center"), *_numbers(ball, "radius"))]
+        )
         materials = [shape.find("bsdf") for shape in (*balls, floor)]
         self._k_d_k_m = mi.Float(_rows(materials, "diffuse_reflectance", "mirror_reflectance"))
         self._k_s_p = mi.Float(_rows(materials, "specular_reflectance", "exponent"))
@@ -75,20 +77,19 @@ class Floor:
             dr.scatter(picture, value, 3 * (y * self._size + x) + i, mode=dr.ReduceMode.Permute)
         return mi.TensorXf(picture, (self._size, self._size, 3))
 
-    def _bounce(
-        self, k: Any, o: Any, d: Any, throughput: Any, colour: Any, own: Any, active: Any
-    ) -> tuple[Any, ...]:
-        origin, way = mi.Point3f(o), mi.Vector3f(d)
+    def _bounce(self, k: Any, o: Any, d: Any, throughput: Any, colour: Any, own: Any, active: Any) -> tuple[Any, ...]:
+        origin: Any = mi.Point3f(o)
+        way: Any = mi.Vector3f(d)
         to_floor = -origin.y * dr.rcp(way.y)
         foot = dr.fma(to_floor, way, origin)
         on_floor = (to_floor > 0) & (own != self._floor) & (dr.maximum(dr.abs(foot.x), dr.abs(foot.z)) <= self._side)
         end = dr.select(on_floor, to_floor, dr.inf)
-        pi = self._balls.ray_intersect_preliminary(mi.Ray3f(origin, way, end, 0, []), coherent=True, active=active)
+        pi = self._first(origin, way, end, active)
         on_ball = active & pi.is_valid()
         found = active & (on_ball | on_floor)
         shape = dr.select(on_ball, pi.shape_index, self._floor)
 
-        centre_r = dr.gather(mi.Vector4d, self._centre_r, pi.shape_index, on_ball)
+        centre_r: Any = dr.gather(mi.Vector4d, self._centre_r, pi.shape_index, on_ball)
         to_centre = o - mi.Point3d(centre_r.xyz)
         b = -dr.dot(to_centre, d)
         across = dr.fma(b, d, to_centre)
@@ -98,11 +99,11 @@ class Floor:
         exact_n = dr.select(on_ball, outward * dr.rcp(centre_r.w), mi.Vector3d(0, 1, 0))
         n = mi.Vector3f(exact_n)
 
-        k_d_k_m = dr.gather(mi.Vector4f, self._k_d_k_m, shape, found)
-        k_s_p = dr.gather(mi.Vector4f, self._k_s_p, shape, found)
+        k_d_k_m: Any = dr.gather(mi.Vector4f, self._k_d_k_m, shape, found)
+        k_s_p: Any = dr.gather(mi.Vector4f, self._k_s_p, shape, found)
         k_d, k_s = mi.Color3f(k_d_k_m.xyz), mi.Color3f(k_s_p.xyz)
         lit = found & (k < MAX_DEPTH)
-        start = mi.Point3f(p) + OFFSET * n
+        start = dr.fma(OFFSET, n, mi.Point3f(p))
         to_lamp = mi.Vector3f(self._lamp - p)
         squared = dr.squared_norm(to_lamp)
         radiance = k_d * self._ambient
@@ -116,16 +117,26 @@ class Floor:
             def shine(l: Any = l, light: Any = light, far: Any = far, n_l: Any = n_l, facing: Any = facing) -> Any:  # noqa: E741
                 h = dr.normalize(l - way)
                 f = dr.fma(k_s, dr.power(dr.maximum(dr.dot(n, h), 1e-20), k_s_p.w), k_d * n_l)
-                shadow_ray = mi.Ray3f(start, l, far, 0, [])
-                blocked = self._balls.ray_intersect_preliminary(shadow_ray, coherent=True, active=facing).is_valid()
+                blocked = self._first(start, l, far, facing).is_valid()
                 return (dr.select(facing & (blocked ^ True), f * light, 0),)
 
-            radiance = radiance + dr.if_stmt((), facing, shine, lambda: (mi.Color3f(0),), label="light")[0]
+            added: tuple[Any] = dr.if_stmt((), facing, shine, _dark, label="light")
+            radiance = radiance + added[0]
         seen = dr.select(found, dr.select(lit, radiance, 0), self._sky)
         colour = dr.select(active, dr.fma(throughput, seen, colour), colour)
         mirrored = mi.Vector3d(dr.fma(-2 * dr.dot(d, exact_n), exact_n, d))
         goes_on = lit & (k_d_k_m.w > 0)
         return k + 1, dr.fma(OFFSET, exact_n, p), mirrored, throughput * k_d_k_m.w, colour, shape, goes_on
+
+    def _first(self, o: Any, d: Any, end: Any, active: Any) -> Any:
+        """Ask which ball is first; for shadows too, since Mitsuba's ``ray_test`` misses small far ones."""
+        ray = mi.Ray3f(o, d)
+        ray.maxt = end
+        return self._balls.ray_intersect_preliminary(ray, coherent=True, active=active)
+
+
+def _dark() -> tuple[Any]:
+    return (mi.Color3f(0),)
 
 
 def _numbers(of: Any, name: str | None) -> list[float]:
