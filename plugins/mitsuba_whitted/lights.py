@@ -53,12 +53,16 @@ class Lights:
         self._width = len(rows[0]) // 3
         self._unrolled = self.count <= UNROLL or not dr.is_jit_v(mi.Float)
         vectors = np.reshape(rows, (-1, 3))
+        # The light's own coordinates are exact; those of a surface at it are right to a few u of them.
+        margins = 4 * precise.UNIT_ROUNDOFF * np.abs(vectors[:: self._width]).sum(axis=1)
         if self._unrolled:  # data of the kernel, for a load of one number is cheaper than a row's of a table
             self._vectors = [opaque(mi.Vector3d(*vector)) for vector in vectors.tolist()]
             self._spectra = [opaque(mi.Spectrum(*colour)) for colour in radiant]
+            self._margins = [opaque(mi.Float(margin)) for margin in margins.tolist()]
         else:
             self._rows = double_column(vectors)
             self._colours = column(radiant)
+            self._margin_of = column(margins[:, None])
             self._opaque_count = opaque(mi.UInt32(self.count))
 
     def described(self) -> str:
@@ -105,8 +109,8 @@ class Lights:
             reaches = reaches & (f > 0)
         if inverse_square:
             colour = dr.select(away, colour * dr.rcp(distance * distance), 0)
-        # The light's own coordinates are exact; those of a surface at it are right to a few u of them.
-        end = distance * precise.SHADOW_END - 4 * precise.UNIT_ROUNDOFF * dr.sum(dr.abs(mi.Vector3f(position)))
+        margin = self._margins[i] if self._unrolled else fetch(mi.Float, self._margin_of, i)
+        end = distance * precise.SHADOW_END - margin
         return Sample(l, colour, distance, reaches, end, name)
 
 

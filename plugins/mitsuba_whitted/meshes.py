@@ -75,12 +75,12 @@ class Meshes:
         plane = fetch(mi.Vector4d, self._planes, face, active)
         n_g = mi.Normal3d(plane.xyz)
         v0 = self._vertex(corner.x, active)
-        p = mi.Point3d(precise.plane_point(o, d, v0, n_g))
+        w = mi.Vector3d(precise.plane_point(o - v0, d, n_g))
         n, uv = n_g, mi.Point2f(0)
 
         if self.smooth or with_uv:
             v1, v2 = self._vertex(corner.y, active), self._vertex(corner.z, active)
-            beta, gamma = precise.barycentric(p, v0, v1, v2)
+            beta, gamma = precise.barycentric(w, v1 - v0, v2 - v0)
         if self.smooth:
             n_i = [mi.Normal3d(fetch(mi.Normal3f, self._normals, corner[i], active)) for i in range(3)]
             smooth = mi.Normal3d(_interpolate(beta, gamma, *n_i))
@@ -93,7 +93,7 @@ class Meshes:
                 uv = dr.select((flags & _TEXCOORDS) != 0, _interpolate(beta, gamma, *uv_i), uv)
         sign = dr.select((flags & _FLIPPED) != 0, mi.Float64(-1), mi.Float64(1))
         reach = mi.Vector3f(plane.w * dr.abs(n_g))  # sum |n_i| reach_i = plane.w
-        return MeshHit(p, n, n_g, uv, sign, reach)
+        return MeshHit(mi.Point3d(v0 + w), n, n_g, uv, sign, reach)
 
     def _vertex(self, number: Any, active: Any) -> Any:
         return mi.Point3d(fetch(self._point, self._positions, number, active))

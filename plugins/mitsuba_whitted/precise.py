@@ -45,15 +45,14 @@ The chord of `few` 7 roundings, its root 1, Embree's own and the lead 3; with ro
 """
 
 
-def sphere_normal(o: Any, d: Any, c: Any, r: Any, t: Any) -> Any:
-    """Find the vector from the centre `c` to where the ray `o` + s `d` meets the sphere, s close to `t`.
+def sphere_normal(w: Any, d: Any, r: Any, t: Any) -> Any:
+    """Find the vector from the centre c to where the ray c + `w` + s `d` meets the sphere, s close to `t`.
 
     Its length is `r`. The foot of the perpendicular from the centre replaces the textbook's quadratic, whose
-    discriminant loses twice the digits of |o - c| / r (Haines, Günther, Akenine-Möller, *Ray Tracing Gems* 7, 2019).
+    discriminant loses twice the digits of |w| / r (Haines, Günther, Akenine-Möller, *Ray Tracing Gems* 7, 2019).
     """
-    oc = o - c
-    b = -dr.dot(oc, d)
-    foot = dr.fma(b, d, oc)
+    b = -dr.dot(w, d)
+    foot = dr.fma(b, d, w)
     half_chord = dr.maximum(dr.safe_sqrt(r * r - dr.squared_norm(foot)), LEAST_CHORD * (r + dr.abs(b)))
     return dr.fma(dr.select(_is_near(t, b, r), -half_chord, half_chord), d, foot)
 
@@ -63,47 +62,46 @@ def _is_near(t: Any, b: Any, r: Any) -> Any:
     return t < b + SEARCHED * (r + dr.abs(b))
 
 
-def cylinder_point(o: Any, d: Any, a: Any, axis: Any, r: Any, t: Any) -> tuple[Any, Any]:
-    """Hit point on the cylinder of radius `r` about the line through `a`, and the vector to it from that line.
+def cylinder_point(w: Any, d: Any, axis: Any, r: Any, t: Any) -> tuple[Any, Any]:
+    """Where the ray a + `w` + s `d` meets the cylinder of radius `r` about the line through a.
 
-    The sphere's argument in the plane across the unit vector `axis`; the height along it follows from the ray.
+    The results are the vectors there from a, and from that line. The sphere's argument in the plane across the unit
+    vector `axis`; the height along it follows from the ray.
     """
-    oa = o - a
     d_across = dr.fma(-dr.dot(d, axis), axis, d)
-    o_across = dr.fma(-dr.dot(oa, axis), axis, oa)
+    w_across = dr.fma(-dr.dot(w, axis), axis, w)
     inv_d2 = dr.rcp(dr.squared_norm(d_across))
-    b = -dr.dot(o_across, d_across) * inv_d2
-    foot = dr.fma(b, d_across, o_across)
+    b = -dr.dot(w_across, d_across) * inv_d2
+    foot = dr.fma(b, d_across, w_across)
     half_chord = dr.maximum(dr.safe_sqrt((r * r - dr.squared_norm(foot)) * inv_d2), LEAST_CHORD * (r + dr.abs(b)))
     step = dr.select(_is_near(t, b, r), -half_chord, half_chord)
-    return dr.fma(b + step, d, o), dr.fma(step, d_across, foot)
+    return dr.fma(b + step, d, w), dr.fma(step, d_across, foot)
 
 
-def plane_point(o: Any, d: Any, a: Any, n: Any) -> Any:
-    """Where the ray meets the plane through `a` with unit normal `n`.
+def plane_point(w: Any, d: Any, n: Any) -> Any:
+    """Where the ray a + `w` + s `d` meets the plane through a with unit normal `n`: the vector from a.
 
     The second line pulls the point back onto the plane: what lies exactly in a plane across an axis, such as a lamp in
     the floor, then is neither above nor below it.
     """
-    p = dr.fma(dr.dot(a - o, n) * dr.rcp(dr.dot(d, n)), d, o)
-    return dr.fma(-dr.dot(p - a, n), n, p)
+    on_ray = dr.fma(-dr.dot(w, n) * dr.rcp(dr.dot(d, n)), d, w)
+    return dr.fma(-dr.dot(on_ray, n), n, on_ray)
 
 
-def barycentric(p: Any, v0: Any, v1: Any, v2: Any) -> tuple[Any, Any]:
-    """Weights (beta, gamma) of `v1` and `v2` at `p` by Cramer's rule (Shirley et al., section 4.4.2)."""
-    e1, e2, w = v1 - v0, v2 - v0, p - v0
+def barycentric(w: Any, e1: Any, e2: Any) -> tuple[Any, Any]:
+    """Weights (beta, gamma) by Cramer's rule (Shirley et al., section 4.4.2): `w` = beta `e1` + gamma `e2`."""
     normal = dr.cross(e1, e2)
     inv_area2 = dr.rcp(dr.squared_norm(normal))
     return dr.dot(dr.cross(w, e2), normal) * inv_area2, dr.dot(dr.cross(e1, w), normal) * inv_area2
 
 
-def mirrored(d: Any, n: Any) -> Any:
+def mirrored(d: Any, n: Any, d_n: Any) -> Any:
     """Direction d - 2 (d.n) n of the ray that a mirror sends on (Shirley et al., section 4.8), for `n` of any length.
 
-    As long as `d`, but for a few roundings a bounce.
+    As long as `d`, but for a few roundings a bounce; `d_n` is d.n.
     """
     n_n = dr.maximum(dr.squared_norm(n), 2.0**-1022)  # where nothing was hit n is 0
-    return dr.fma(-2 * dr.dot(d, n) * dr.rcp(n_n), n, d)
+    return dr.fma(-2 * d_n * dr.rcp(n_n), n, d)
 
 
 def unit(n: Any) -> Any:

@@ -61,15 +61,16 @@ class Surfaces:
         self._b_sign = double_column([*row.b, row.sign] for row in rows)
         self._flipped = any(row.sign < 0 for row in rows if row.kind != Kind.MESH)
         planes = {number: row for number, row in enumerate(rows) if row.kind in PLANES}
-        self._few_planes: dict[int, tuple[Any, Any]] = {}
-        """Shading and geometric normals of the planes if these are so few that constants serve better than a table."""
+        self._few_planes: dict[int, tuple[Any, Any, Any]] = {}
+        """Shading normal, geometric normal and reach of the planes if these are so few that no table is needed."""
         if len(planes) <= MOST_FLAT:
-            self._few_planes = {
-                number: tuple(opaque(mi.Normal3d(*normal.tolist())) for normal in (row.b, row.plane))
-                for number, row in planes.items()
-            }
+            for number, row in planes.items():
+                normals = (opaque(mi.Normal3d(*normal.tolist())) for normal in (row.b, row.plane))
+                self._few_planes[number] = *normals, opaque(mi.Vector3f(*row.reach.tolist()))
         else:
             self._planes = double_column(row.plane for row in rows)
+        self._balls_beside = len(self._few_planes) == len(planes) and self.kinds <= {*PLANES, Kind.SPHERE}
+        """Whether all else are spheres, whose kind and reach need no table either."""
         self._reach_kind = column([*row.reach, row.kind] for row in rows)
         self._to_local = column(axis for row in rows for axis in row.to_local)
 
@@ -121,31 +122,32 @@ class Surfaces:
             o, d, t = placement.to_local(o, d, t)
 
         sign = mi.Float64(1)
-        reach_kind = fetch(mi.Vector4f, self._reach_kind, shape, valid)
-        reach, kind = mi.Vector3f(reach_kind.xyz), self._kind(shape, reach_kind.w)
+        a_r = fetch(mi.Vector4d, self._a_r, shape, valid)
+        a, r = mi.Point3d(a_r.xyz), a_r.w
+        kind, reach = self._kind_and_reach(shape, a, r, valid)
         p, n, n_g, uv = mi.Point3d(0), mi.Normal3d(0), mi.Normal3d(0), mi.Point2f(0)
 
         if self.kinds - {Kind.MESH}:
-            a_r = fetch(mi.Vector4d, self._a_r, shape, valid)
             b_sign = fetch(mi.Vector4d, self._b_sign, shape, valid)
-            a, r = mi.Point3d(a_r.xyz), a_r.w
             b = mi.Normal3d(b_sign.xyz)
             sign = b_sign.w if self._flipped else sign
+            w, off = o - a, mi.Vector3d(0)
             if self.kinds & PLANES:
                 n, n_g = self._plane_normals(shape, b, valid)
-                p = mi.Point3d(precise.plane_point(o, d, a, n_g))
+                off = mi.Vector3d(precise.plane_point(w, d, n_g))
             if Kind.SPHERE in self.kinds:
-                outward = mi.Normal3d(precise.sphere_normal(o, d, a, r, t))
-                p = dr.select(kind == float(Kind.SPHERE), a + outward, p)
+                outward = mi.Normal3d(precise.sphere_normal(w, d, r, t))
+                off = dr.select(kind == float(Kind.SPHERE), mi.Vector3d(outward), off)
                 n = dr.select(kind == float(Kind.SPHERE), outward, n)
                 n_g = dr.select(kind == float(Kind.SPHERE), outward, n_g)
             if Kind.CYLINDER in self.kinds:
-                on_cylinder, outward = precise.cylinder_point(o, d, a, b, r, t)
-                p = dr.select(kind == float(Kind.CYLINDER), mi.Point3d(on_cylinder), p)
+                on_cylinder, outward = precise.cylinder_point(w, d, b, r, t)
+                off = dr.select(kind == float(Kind.CYLINDER), mi.Vector3d(on_cylinder), off)
                 n = dr.select(kind == float(Kind.CYLINDER), mi.Normal3d(outward), n)
                 n_g = dr.select(kind == float(Kind.CYLINDER), mi.Normal3d(outward), n_g)
+            p = mi.Point3d(a + off)
             if with_uv:
-                uv = self._texture_coordinates(kind, mi.Vector3f(p - a), shape, valid)
+                uv = self._texture_coordinates(kind, mi.Vector3f(off), shape, valid)
 
         if Kind.MESH in self.kinds:
             here = valid & (kind == float(Kind.MESH))
@@ -167,24 +169,24 @@ class Surfaces:
             n_g = dr.select(dr.dot(n_g, n) < 0, -n_g, n_g)
         return Hit(shape, p, n, n_g, uv, reach)
 
-    def _kind(self, shape: Any, fetched: Any) -> Any:
-        """Kind of a shape: as fetched from the table, unless the numbers of the shapes tell it for less."""
-        if self.searched and len(self.kinds) > 1:
-            return fetched
-        kinds = [row.kind for row in self.rows]
-        most = max(self.kinds, key=kinds.count)
-        kind = mi.Float(float(most))
-        for number, other in enumerate(kinds):
-            if other != most:
-                kind = dr.select(shape == number, float(other), kind)
-        return kind
+    def _kind_and_reach(self, shape: Any, a: Any, r: Any, active: Any) -> tuple[Any, Any]:
+        """Kind of a shape as a number, and its reach: by a table, or by the numbers of the few planes beside balls."""
+        if not self._balls_beside:
+            reach_kind = fetch(mi.Vector4f, self._reach_kind, shape, active)
+            kind = reach_kind.w if len(self.kinds) > 1 else mi.Float(float(max(self.kinds)))
+            return kind, mi.Vector3f(reach_kind.xyz)
+        kind, reach = mi.Float(float(Kind.SPHERE)), dr.abs(mi.Vector3f(a)) + mi.Float(r)
+        for number, (_, _, of_plane) in self._few_planes.items():
+            kind = dr.select(shape == number, float(self.rows[number].kind), kind)
+            reach = dr.select(shape == number, of_plane, reach)
+        return kind, reach
 
     def _plane_normals(self, shape: Any, b: Any, active: Any) -> tuple[Any, Any]:
         """Shading and geometric normal of a rectangle or disk; anything of another shape."""
         if not self._few_planes:
             return b, fetch(mi.Normal3d, self._planes, shape, active)
-        (_, (n, n_g)), *others = self._few_planes.items()
-        for number, (other, other_g) in others:
+        (_, (n, n_g, _)), *others = self._few_planes.items()
+        for number, (other, other_g, _) in others:
             n, n_g = dr.select(shape == number, other, n), dr.select(shape == number, other_g, n_g)
         return n, n_g
 

@@ -149,13 +149,13 @@ def _bounce(stage: Stage, plan: Plan, chain: _Chain, note: Note) -> _Chain:
     note("sum", colour=colour)
     k_m = surface.coefficient(stage.materials.k_m)
     throughput = chain.throughput * k_m
-    r = mi.Vector3d(precise.mirrored(ray.d, surface.hit.n))
+    r = mi.Vector3d(precise.mirrored(ray.d, surface.hit.n, surface.d_n))
     goes_on = surface.lit & dr.any(throughput != 0) & (dr.dot(surface.hit.n_g, r) > 0)
     # Only with max_depth = -1 the two limits can end a chain: see Stage.
     passes = (depth <= stage.last_ray) & dr.any(throughput >= stage.least_throughput)
     cut = goes_on & (passes ^ True)
     goes_on &= passes
-    mirrored = _leaving(stage, plan, surface.hit, surface.n_g, r, mi.Float(dr.inf))
+    mirrored = _leaving(stage, plan, surface, r, mi.Float(dr.inf))
     note("mirror", k_m=k_m, r=r, goes_on=goes_on)
     return _Chain(
         k=depth,
@@ -182,6 +182,10 @@ class _Surface(NamedTuple):
     n_g: Any
     v: Any
     """Unit vector back along the ray."""
+    d_n: Any
+    """Of the ray's direction with the shading normal as the hit has it."""
+    offset: Any
+    """See `precise.ray_offset`; None where no search could meet the surface again."""
     in_front: Any
     behind: Any
     lit: Any
@@ -199,18 +203,21 @@ class _Surface(NamedTuple):
 def _surface(stage: Stage, plan: Plan, chain: _Chain, met: Found, found: Any, note: Note) -> _Surface:
     """Compute the hit, and turn it to the side that is seen."""
     hit = stage.surfaces.hit(met, chain.ray, plan.textured)
-    v = -chain.d
-    in_front = found & (dr.dot(hit.n, v) > 0) & (dr.dot(hit.n_g, v) > 0)
+    d_n, d_n_g = dr.dot(chain.d, hit.n), dr.dot(chain.d, hit.n_g)
+    in_front = found & (d_n < 0) & (d_n_g < 0)
     behind = mi.Bool(False)
     if plan.two_sided:
-        behind = found & (dr.dot(hit.n, v) < 0) & (dr.dot(hit.n_g, v) < 0)
+        behind = found & (d_n > 0) & (d_n_g > 0)
+        d_n = dr.select(behind, -d_n, d_n)
         hit = hit._replace(n=dr.select(behind, -hit.n, hit.n), n_g=dr.select(behind, -hit.n_g, hit.n_g))
     n, n_g = precise.unit(hit.n), precise.unit(hit.n_g)
     lit = (in_front | behind) & (chain.k + 1 < stage.max_depth)
     note("surface", met=met, found=found, p=hit.p, n=n, n_g=n_g, facing=in_front | behind, lit=lit)
     material = stage.materials.row_of(hit.shape, behind)
     si = _surface_interaction(hit) if plan.textured else None
-    return _Surface(found, hit, n, n_g, mi.Vector3f(v), in_front, behind, lit, material, si)
+    offset = precise.ray_offset(n_g, hit.reach, stage.surfaces.least_reach) if plan.searched else None
+    v = -mi.Vector3f(chain.d)
+    return _Surface(found, hit, n, n_g, v, d_n, offset, in_front, behind, lit, material, si)
 
 
 def _shaded(
@@ -258,13 +265,13 @@ def _shaded(
                     f += k_s * precise.specular_power(n, h, exponent)
                 visible = facing
                 if plan.shadows:
-                    shadow_ray = _shadow_ray(stage, plan, hit, n_g, light)
+                    shadow_ray = _shadow_ray(stage, plan, surface, light)
                     visible = facing & (stage.surfaces.blocked(shadow_ray, facing, plan.inside) ^ True)
                 return dr.select(visible, f * light.colour, 0), visible
 
             # A branch: a vector of rays does nothing of this where the light is below the horizon of all of them.
             added, visible = dr.if_stmt((), facing, shine, _dark, label="light")
-            note("shadow ray", ray=_shadow_ray(stage, plan, hit, n_g, light))
+            note("shadow ray", ray=_shadow_ray(stage, plan, surface, light))
             note("light", light=light, facing=facing, visible=visible, colour=added)
             asked = dr.select(facing, mi.UInt32(1), mi.UInt32(0)) if plan.shadows else mi.UInt32(0)
             return added, asked, dr.select(visible, light.name, 0)
@@ -287,19 +294,20 @@ def _dark() -> tuple[Any, Any]:
     return mi.Spectrum(0), mi.Bool(False)
 
 
-def _shadow_ray(stage: Stage, plan: Plan, hit: Hit, n_g: Any, light: Sample) -> Ray:
+def _shadow_ray(stage: Stage, plan: Plan, surface: _Surface, light: Sample) -> Ray:
     """Make the open segment from the hit point to the light."""
-    return _leaving(stage, plan, hit, n_g, mi.Vector3d(light.l), light.distance if plan.epsilon else light.end)
+    return _leaving(stage, plan, surface, mi.Vector3d(light.l), light.distance if plan.epsilon else light.end)
 
 
-def _leaving(stage: Stage, plan: Plan, hit: Hit, n_g: Any, d: Any, end: Any) -> Ray:
+def _leaving(stage: Stage, plan: Plan, surface: _Surface, d: Any, end: Any) -> Ray:
     """Make the ray from the hit point along `d`, which cannot meet that surface again where it begins."""
+    hit = surface.hit
     if plan.epsilon:
         shift = mi.Vector3f(stage.epsilon * mi.Vector3f(d))
         return Ray(hit.p, d, mi.Float(stage.epsilon), end, shift, mi.UInt32(NOTHING))
-    if not plan.searched:
+    if surface.offset is None:
         return Ray(hit.p, d, mi.Float(0), end, mi.Vector3f(0), hit.shape)
-    shift, length = precise.ray_offset(n_g, hit.reach, stage.surfaces.least_reach)
+    shift, length = surface.offset
     return Ray(hit.p, d, mi.Float(0), end - length, mi.Vector3f(shift), hit.shape)
 
 

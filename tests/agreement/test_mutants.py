@@ -275,7 +275,7 @@ PLUGIN: dict[str, Patch] = {
     ),
     "beta and gamma exchanged": replaced(precise, "barycentric", lambda f: lambda *a: f(*a)[::-1]),
     "spheres a thousandth greater": replaced(
-        precise, "sphere_normal", lambda f: lambda o, d, c, r, t: f(o, d, c, 1.001 * r, t)
+        precise, "sphere_normal", lambda f: lambda w, d, r, t: f(w, d, 1.001 * r, t)
     ),
     "pixel centre a hundredth off": replaced(camera.Camera, "rays", lambda f: lambda self, x, y: f(self, x + 0.01, y)),
 }

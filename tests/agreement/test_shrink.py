@@ -61,7 +61,7 @@ def test_a_fault_of_the_plugin_leaves_the_shape_that_shows_it(
 ) -> None:
     """Balls shaded as if they were a fiftieth greater: of five things one ball is left, and what makes it seen."""
     old = precise.sphere_normal
-    monkeypatch.setattr(precise, "sphere_normal", lambda o, d, c, r, t: old(o, d, c, 1.02 * r, t))
+    monkeypatch.setattr(precise, "sphere_normal", lambda w, d, r, t: old(w, d, 1.02 * r, t))
     file = tmp_path / "still.xml"
     file.write_text(STILL)
     small = cut_down(file, Here(), llvm_ad_rgb)

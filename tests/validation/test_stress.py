@@ -149,15 +149,15 @@ FAULTS: dict[str, tuple[Policy, list[str]]] = {
         ["far balls: umbra from 10000 radii"],
     ),
     "points of balls as far as t": (
-        patched((precise, "sphere_normal", lambda _: lambda o, d, c, r, t: (dr.fma(t, d, o) - c) / r)),
+        patched((precise, "sphere_normal", lambda _: lambda w, d, r, t: dr.fma(t, d, w) / r)),
         ["shadow acne: sphere, seen from 10 000 radii"],
     ),
     "points a hundred-thousandth off their plane": (
-        patched((precise, "plane_point", lambda f: lambda o, d, a, n: f(o, d, a, n) + 1e-5 * n)),
+        patched((precise, "plane_point", lambda f: lambda w, d, n: f(w, d, n) + 1e-5 * n)),
         ["grazing view: plane at 89 degrees", "grazing view: plane at 89.999 degrees"],
     ),
     "balls a thousandth greater": (
-        patched((precise, "sphere_normal", lambda f: lambda o, d, c, r, t: 1.001 * f(o, d, c, r, t))),
+        patched((precise, "sphere_normal", lambda f: lambda *a: 1.001 * f(*a))),
         ["grazing view: ball at 89.9 degrees", "mirror chains: inside a ball, scale 1"],
     ),
     "normals of balls turned by a millionth": (

@@ -96,12 +96,12 @@ def _spawn_ray() -> Patches:
     def ray_from(o: Any, d: Any, end: Any) -> Any:
         return Ray(mi.Point3d(o), mi.Vector3d(d), mi.Float(0), mi.Float(end), mi.Vector3f(0), mi.UInt32(NOTHING))
 
-    def leaving(_stage: Any, _plan: Any, hit: Any, n_g: Any, d: Any, end: Any) -> Any:
-        return ray_from(spawned(mi.Point3f(hit.p), n_g, mi.Vector3f(d)), d, end)
+    def leaving(_stage: Any, _plan: Any, surface: Any, d: Any, end: Any) -> Any:
+        return ray_from(spawned(mi.Point3f(surface.hit.p), surface.n_g, mi.Vector3f(d)), d, end)
 
-    def shadow_ray(_stage: Any, _plan: Any, hit: Any, n_g: Any, light: Any) -> Any:
-        p = mi.Point3f(hit.p)
-        o = spawned(p, n_g, light.l)
+    def shadow_ray(_stage: Any, _plan: Any, surface: Any, light: Any) -> Any:
+        p = mi.Point3f(surface.hit.p)
+        o = spawned(p, surface.n_g, light.l)
         there = p + light.distance * light.l - o
         length = dr.norm(there)
         is_near = light.distance < dr.inf
