@@ -109,7 +109,7 @@ class _Reader:
         if not ray.facing:
             return
         blocked = bool(_number(facing)) and not _number(visible)
-        n_l, h = dr.dot(self._n, light.l), dr.normalize(light.l - self._d)
+        n_l, h = dr.dot(self._n, light.l), dr.normalize(light.l - mi.Vector3f(self._d))
         highlight = precise.specular_power(self._n, h, self._exponent)
         ray.lights.append(
             LightSeen(

@@ -116,6 +116,18 @@ def test_a_plan_is_slower_only_if_every_pair_says_so() -> None:
     assert _verdict(Interval(0.9, 0.8, 0.95, 0.8, 1.01), "no scene slower") == "met"
 
 
+def test_beside_a_target_stands_what_there_is_to_be_reached() -> None:
+    results = _results(Interval(2, 2, 2, 2, 2))
+    rows = results.scenes["a"].rows
+    three = Interval(3, 3, 3, 3, 3)
+    by_hand = Comparison(three, three, Sample(1, 1), Sample(1, 1), (1, 1), 9)
+    rows += [Row("floor", "", by_hand), Row("povray", "", by_hand)]
+    told = {outcome.target: outcome.measured for outcome in outcomes(results)}
+    # The bare rays take 2, the kernel by hand and POV-Ray 3 of the plugin's time.
+    assert told["scene a: at most 0.65 of the CPU time of the bare rays"] == "0.5 (0.5 to 0.5); by hand: 1.5"
+    assert told["scene a: POV-Ray traces for at least 25 times the wall time"] == "3 (3 to 3); the bare rays: 1.5"
+
+
 # ----------------------------------------------------------------------------------------------- processes
 @needs_llvm
 @pytest.mark.slow
@@ -242,6 +254,27 @@ def test_the_bare_rays_are_those_of_the_plugin_and_meet_the_same_shapes(
     limit = Limit(file, side)
     assert np.array_equal(np.array(limit.draw()), ours)
     assert limit.count_rays() == {"camera": side**2, "mirror": ours[..., 2].sum(), "shadow": asked}
+
+
+@pytest.mark.parametrize("kind", ["a", "b"])
+def test_the_floor_by_hand_draws_the_picture(kind: str, tmp_path: Path, llvm_ad_rgb: str) -> None:
+    from whitted_validation.benchmark.floor import Floor
+    from whitted_validation.benchmark.speed_configurations import load
+
+    file = scenes.write(kind, tmp_path)
+    scene, floor = load(file, 128), Floor(file, 128)  # which both must live until their kernels are done
+    picture, by_hand = np.array(scene.integrator().render(scene)), np.array(floor.draw())
+    off = np.abs(picture - by_hand).max(axis=2)
+    # n.h is off by some 8 u, and taken to a power of up to 150. An edge that is off by the constant offset, which is
+    # 2^-16 of a scene of ten, 128 pixels wide, is on the other side of a pixel's middle in one of 5000 that it crosses.
+    assert (off > 8 * 150 * 2.0**-24 * picture.max()).sum() <= math.ceil(picture[..., 0].size / 5000)
+
+
+def test_the_floor_refuses_what_it_was_not_written_for(tmp_path: Path, llvm_ad_rgb: str) -> None:
+    from whitted_validation.benchmark.floor import Floor
+
+    with pytest.raises(ValueError, match="no scene of balls on a floor"):
+        Floor(scenes.write("e", tmp_path), 64)
 
 
 def test_a_size_that_tiles_do_not_fill_is_refused(tmp_path: Path, llvm_ad_rgb: str) -> None:
