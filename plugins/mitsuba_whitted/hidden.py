@@ -8,12 +8,11 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
 from mitsuba_whitted.cells import Cells, Estimate, Kind
 from mitsuba_whitted.corners import OF_RANGE
 from mitsuba_whitted.tables import opaque
-from mitsuba_whitted.water import levels
+from mitsuba_whitted.water import Histogram, levels
 
 # Fitted as told in `antialias`.
 
@@ -29,13 +28,13 @@ LEAST_FAR = 1.2
 MOST_CHECKS = 128
 
 
-def checks(pixels: Cells, estimate: Estimate, histogram: NDArray[np.float64], target: float, count: int) -> Any:
+def checks(pixels: Cells, estimate: Estimate, errors: Histogram, target: float, count: int) -> Any:
     """Say how many samples more each pixel needs, so that what matters is not likely to hide there.
 
     A hidden thing has the contrast of the edges that are seen. Unseen by k samples it fills about 1/k of a pixel,
     and adds (contrast / k)^2 to the sum of all squares, which may be count * target^2.
     """
-    mixed = histogram[Kind.EDGE :]
+    mixed = errors[Kind.EDGE :]
     contrast = math.sqrt(np.sum(mixed * levels(target) ** 2) / max(mixed.sum(), 1)) / OF_RANGE
     worst = contrast / (target * math.sqrt(count))
     near, far = (min(share * worst, MOST_CHECKS) for share in (NEAR, FAR))

@@ -19,7 +19,11 @@ OCTAVES_BELOW, STEPS, BINS = 8, 4, 96
 """Errors are counted from so many octaves below the target, in so many steps an octave."""
 
 
-def histogram(estimate: Estimate, active: Any, target: float) -> NDArray[np.float64]:
+Histogram = NDArray[np.float64]
+"""Cells of each kind by their error, (3, BINS)."""
+
+
+def histogram(estimate: Estimate, active: Any, target: float) -> Histogram:
     """Count the errors of each kind of cell, (3, BINS); those too small to matter are left out.
 
     Whole numbers: their sum does not depend on the order in which threads come.
@@ -37,8 +41,9 @@ def levels(target: float) -> NDArray[np.float64]:
     return of_bins
 
 
-def water_level(counts: NDArray[np.float64], target: float, budget: float) -> float:
+def water_level(counts: Histogram, target: float, budget: float) -> float:
     """Find the error above which cells are refined, so that all that is left meets the budget."""
     known = levels(target)
-    left = [np.sum(counts * np.minimum(known, LEFT[:, None] * limit) ** 2) for limit in known]
+    of_each = np.minimum(known, LEFT[:, None] * known[:, None, None])  # by limit, kind and error
+    left = np.sum(counts * of_each**2, axis=(1, 2))
     return float(known[max(int(np.searchsorted(left, budget)) - 1, 0)])
