@@ -142,10 +142,11 @@ def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any) -> None:
 
 def _look(look: Look, some: Cells, estimate: Estimate, closer: Any, checks: Any, limit: Any) -> None:
     """Look closer kind by kind: the lanes of one vector then take about as many steps."""
-    by_kind: list[Any] = [dr.compress(closer & (estimate.kind == kind.value)) for kind in Kind]
-    by_kind = [numbers for numbers in by_kind if dr.width(numbers)]
-    if by_kind:
-        close = dr.concat(by_kind)
+    close = dr.compress(closer)
+    if dr.width(close):
+        kind = dr.gather(mi.UInt32, estimate.kind, close)
+        dr.eval(kind)
+        close = dr.gather(mi.UInt32, close, dr.detail.block_mkperm(kind, dr.width(kind), 4))
         look_closer(look, some, estimate, close, dr.gather(mi.UInt32, checks, close), limit)
 
 
