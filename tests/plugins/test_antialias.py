@@ -167,6 +167,18 @@ def test_one_colour_takes_one_ray_a_corner_and_stays_exact(llvm_ad_rgb, scene_of
     assert scene.integrator().count_rays(scene) == {"camera": 41 * 34, "mirror": 0, "shadow": 0, "cut": 0}
 
 
+def test_every_sample_is_counted(llvm_ad_rgb, scene_of):
+    scene = scene_of(BODY, size=(32, 32))
+    aim(scene, 2e-3)
+    taken = dr.zeros(mi.UInt32, 1)
+
+    def heard(x, y, active):
+        each = dr.select(x >= 0, mi.UInt32(1), 0)  # one a sample: a constant is added once a launch
+        dr.scatter_add(taken, each, mi.UInt32(0), active)
+
+    assert scene.integrator().count_rays(scene, heard=heard)["camera"] == taken[0] > 33 * 33
+
+
 @pytest.mark.parametrize("size", [(1, 1), (2, 1), (1, 3), (3, 2), (65, 4)])
 def test_pictures_of_any_size_are_drawn_whole(llvm_ad_rgb, scene_of, size):
     picture = draw(scene_of(BODY, '<float name="ambient" value="0.1"/>', size), 1e-3)
