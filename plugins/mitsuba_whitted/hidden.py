@@ -39,6 +39,8 @@ def checks(pixels: Cells, estimate: Estimate, errors: Histogram, target: float, 
     worst = contrast / (target * math.sqrt(count))
     near, far = (min(share * worst, MOST_CHECKS) for share in (NEAR, FAR))
     every = math.ceil(1 / far) if far > LEAST_FAR else 0
+    if near < 1 and not every:
+        return opaque(dr.zeros(mi.UInt32, dr.width(pixels.inside)))
     some = (pixels.i + 2 * pixels.j) % opaque(mi.UInt32(max(every, 1))) == 0
     of_far = dr.select(some, opaque(mi.UInt32(math.ceil(far) if every else 0)), 0)
     of_each = dr.select(around(pixels, estimate.kind != Kind.SMOOTH.value), opaque(mi.UInt32(int(near))), of_far)
