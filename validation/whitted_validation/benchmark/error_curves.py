@@ -26,7 +26,7 @@ class Point:
     rays : over those of one sample a pixel, of all kinds; None where nobody counts them
     cost : time over that of one sample a pixel
     missed : pixels with hidden features whose error is above `MISSED`; None where that was not looked for
-    bare : time of tracing the same samples and nothing else, over that of one sample a pixel; None where it was not taken
+    bare : time of tracing the same samples and nothing else, over that of one sample a pixel; None where not taken
     """
 
     way: str
