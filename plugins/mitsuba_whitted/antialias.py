@@ -146,7 +146,8 @@ def _look(look: Look, some: Cells, estimate: Estimate, closer: Any, checks: Any,
     if dr.width(close):
         kind = dr.gather(mi.UInt32, estimate.kind, close)
         dr.eval(kind)
-        close = dr.gather(mi.UInt32, close, dr.detail.block_mkperm(kind, dr.width(kind), 4))
+        order = dr.detail.block_mkperm(kind, dr.width(kind), 4)  # `dr.argsort` would take three passes of this
+        close = dr.gather(mi.UInt32, close, order)
         look_closer(look, some, estimate, close, dr.gather(mi.UInt32, checks, close), limit)
 
 

@@ -19,7 +19,7 @@ def bare(scene: Any) -> Callable[[], Any]:
     """Trace the samples that a scene's target error takes, and nothing else.
 
     All in one launch, along a Z curve, so that a vector's rays are as close as they can be; nothing is decided, split
-    or averaged. No refinement that asks for these samples can take less.
+    or averaged. What a refinement takes beyond this is work of its own, and the price of not knowing its samples.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def _along_z_curve(places: NDArray[np.float32]) -> NDArray[np.uint64]:
     """Interleave the bits of two numbers below 2^32 (Morton 1966)."""
     number = np.zeros(len(places), np.uint64)
     for axis in range(2):
-        bits = (places[:, axis] * FINEST).astype(np.uint64)
+        bits = (np.maximum(places[:, axis], 0) * FINEST).astype(np.uint64)  # an edge may bulge out of the picture
         for shift, mask in ((16, 0x0000FFFF0000FFFF), (8, 0x00FF00FF00FF00FF), (4, 0x0F0F0F0F0F0F0F0F),
                             (2, 0x3333333333333333), (1, 0x5555555555555555)):  # fmt: skip
             bits = (bits | (bits << np.uint64(shift))) & np.uint64(mask)

@@ -74,7 +74,7 @@ def largest(point: Point) -> float:
 Of = Callable[[Point], float]
 
 FLOOR: dict[Of, Of] = {cpu: bare_cpu, wall: bare_wall}
-"""What no refinement that takes the same samples can be faster than."""
+"""Of each time, that of tracing the same samples and nothing else."""
 
 
 def at_error(points: Iterable[Point], of: Of, rmse: float) -> float:

@@ -147,8 +147,8 @@ def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]
             f"lattice of {schedule.converged} samples in each pixel. Rays and times are given over those "
             "of one sample a pixel of the same scene. Times are medians of pairs, drawn in turn, up to "
             f"{schedule.pairs} of them; CPU time is that of all threads. {_by_povray(results)}"
-            "Beside a time stands what no refinement that takes the same samples can be faster than: the time of "
-            "tracing them alone, all at once, neighbours together. "
+            "Beside a time stands its floor: that of tracing the same samples alone, as if all were known beforehand, "
+            "all at once and neighbours together. "
             "The seeds of the scenes come from the number of the commit "
             f"after which no constant of the refinement was changed, `{FROZEN}`."
         ),

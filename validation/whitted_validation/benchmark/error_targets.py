@@ -60,7 +60,7 @@ LEAST_POVRAY = (("a", 30.0), ("c", 30.0), ("b", 20.0))
 
 
 BARE = "tracing the same samples alone"
-"""Said of the time that no refinement with these samples can be faster than, beside what ours takes."""
+"""Said of the floor beside a time: see `error_bare`."""
 
 
 def trusted(curves: Curves, way: str) -> list[Point]:
