@@ -241,7 +241,7 @@ def define() -> type[mi.SamplingIntegrator]:
 
                 def look(x: Any, y: Any, active: Any) -> tuple[Any, Any]:
                     traced = trace(stage, plan, camera.rays(x, y), active)
-                    counts = active & (x > -dr.inf)  # of the samples' width: a constant would count once for all of them
+                    counts = active & (x > -dr.inf)  # as wide as the samples: a constant counts once for all of them
                     if heard:
                         heard(x, y, counts)
                     one = mi.UInt32(1)
