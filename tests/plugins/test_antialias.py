@@ -159,6 +159,8 @@ def test_no_launch_over_all_pixels_is_done_twice(llvm_ad_rgb, scene_of):
     largest = sorted(each["operation_count"] for each in everything)
     # The estimate itself; nothing else over all pixels comes near it.
     assert largest[-2] < largest[-1] / 2
+    hashes = [each["hash"] for each in everything]
+    assert len(set(hashes)) == len(hashes)
 
 
 def test_one_colour_takes_one_ray_a_corner_and_stays_exact(llvm_ad_rgb, scene_of):
