@@ -18,7 +18,6 @@ LEFT = np.array([0.8, 0.3, 0.7])
 OCTAVES_BELOW, STEPS, BINS = 8, 4, 96
 """Errors are counted from so many octaves below the target, in so many steps an octave."""
 
-
 Histogram = NDArray[np.float64]
 """Cells of each kind by their error, (3, BINS)."""
 
@@ -43,7 +42,9 @@ def levels(target: float) -> NDArray[np.float64]:
 
 def water_level(counts: Histogram, target: float, budget: float) -> float:
     """Find the error above which cells are refined, so that all that is left meets the budget."""
-    known = levels(target)
-    of_each = np.minimum(known, LEFT[:, None] * known[:, None, None])  # by limit, kind and error
-    left = np.sum(counts * of_each**2, axis=(1, 2))
-    return float(known[max(int(np.searchsorted(left, budget)) - 1, 0)])
+    left = np.sum(counts * _SQUARES, axis=(1, 2)) * target**2
+    return float(levels(target)[max(int(np.searchsorted(left, budget)) - 1, 0)])
+
+
+_SQUARES = np.minimum(levels(1), LEFT[:, None] * levels(1)[:, None, None]) ** 2
+"""What a cell adds to the sum of squares, by limit, kind and error: (BINS, 3, BINS), for a target of 1."""
