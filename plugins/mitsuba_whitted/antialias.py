@@ -32,7 +32,7 @@ from mitsuba_whitted.corners import from_corners
 from mitsuba_whitted.edges import look_closer
 from mitsuba_whitted.hidden import around, checks
 from mitsuba_whitted.tables import opaque
-from mitsuba_whitted.water import histogram, levels, water_level
+from mitsuba_whitted.water import Histogram, histogram, levels, water_level
 
 DEPTH = 8
 """How often a pixel can be split: to 1/256."""
@@ -93,8 +93,9 @@ def refined(look: Look, width: int, top: int, bottom: int, target: float) -> Ban
     pixels = cells.pixels(look, width, top, bottom)
     estimate = from_corners(pixels)
     count = width * (bottom - top)
-    of_each = checks(pixels, estimate, histogram(estimate, pixels.inside, target), target, count)
-    _refine(look, pixels, estimate, of_each, target, count * target**2, DEPTH)
+    errors = histogram(estimate, pixels.inside, target)
+    of_each = checks(pixels, estimate, errors, target, count)
+    _refine(look, pixels, estimate, errors, of_each, target, count * target**2, DEPTH)
     lane = dr.arange(mi.UInt32, dr.width(pixels.inside))
     colour = dr.gather(mi.Vector4f, estimate.value, lane)
     return Band(pixels.i, pixels.j + opaque(mi.UInt32(top)), pixels.inside, colour)
@@ -124,12 +125,15 @@ def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any) -> None:
         k = lane % SAMPLES
         x, y = ((mi.Float(part) + 0.5) * (1 / SAMPLES) for part in (k, ROW_STEP * k % SAMPLES))
         colour, _ = look(dr.fma(x, here.step, here.x), dr.fma(y, here.step, here.y), mi.Bool(True))
-        apart = mi.Vector4f(dr.select(k % 2 == 0, colour, -colour))
-        dr.eval(colour, apart)  # else each of the sums would trace anew
-        mean = mi.Vector4f(*(dr.block_sum(channel, SAMPLES) * (1 / SAMPLES) for channel in colour))
-        halves = mi.Vector4f(*(dr.block_sum(channel, SAMPLES) * (2 / SAMPLES) for channel in apart))
+        colours = dr.ravel(colour)
+        dr.eval(colours)  # else each of the sums would trace anew
+        of_cell = SAMPLES * dr.arange(mi.UInt32, count)
+        c = [dr.gather(mi.Vector4f, colours, of_cell + k) for k in range(SAMPLES)]
+        even, odd = ((c[k] + c[k + 4]) + (c[k + 2] + c[k + 6]) for k in range(2))
+        mean = (even + odd) * (1 / SAMPLES)
         before = dr.gather(mi.Float, estimate.error, cell)
-        error = dr.maximum(norm(halves) * (some.step * some.step) * OF_HALVES, before * (0.5 / GAIN))
+        error = norm((even - odd) * (2 / SAMPLES)) * (some.step * some.step) * OF_HALVES
+        error = dr.maximum(error, before * (0.5 / GAIN))
         dr.eval(mean, error)
         dr.scatter(estimate.value, mean, cell)
         dr.scatter(estimate.error, error, cell)
@@ -138,19 +142,30 @@ def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any) -> None:
 
 def _look(look: Look, some: Cells, estimate: Estimate, closer: Any, checks: Any, limit: Any) -> None:
     """Look closer kind by kind: the lanes of one vector then take about as many steps."""
-    by_kind: list[Any] = [dr.compress(closer & (estimate.kind == kind.value)) for kind in Kind]
-    by_kind = [numbers for numbers in by_kind if dr.width(numbers)]
-    if by_kind:
-        close = dr.concat(by_kind)
+    close = dr.compress(closer)
+    if dr.width(close):
+        kind = dr.gather(mi.UInt32, estimate.kind, close)
+        dr.eval(kind)
+        order = dr.detail.block_mkperm(kind, dr.width(kind), 4)  # `dr.argsort` would take three passes of this
+        close = dr.gather(mi.UInt32, close, order)
         look_closer(look, some, estimate, close, dr.gather(mi.UInt32, checks, close), limit)
 
 
-def _refine(look: Look, some: Cells, estimate: Estimate, checks: Any, target: float, budget: float, depth: int) -> None:
+def _refine(
+    look: Look,
+    some: Cells,
+    estimate: Estimate,
+    errors: Histogram,
+    checks: Any,
+    target: float,
+    budget: float,
+    depth: int,
+) -> None:
     """Look closer at cells that need it, and split those that need more; updates the estimates.
 
     `budget` is the sum of the squares of all errors that may be left.
     """
-    limit = water_level(histogram(estimate, some.inside, target), target, budget)
+    limit = water_level(errors, target, budget)
     seen = opaque(mi.Float(limit))
     expected = (estimate.error > limit) & some.inside
     clutter = estimate.kind == Kind.CLUTTER.value
@@ -177,7 +192,8 @@ def _refine(look: Look, some: Cells, estimate: Estimate, checks: Any, target: fl
         if depth > 1:
             fewer = dr.gather(mi.UInt32, checks, dr.repeat(chosen, 4)) // 2
             dr.eval(fewer)
-            _refine(look, parts, of_parts, fewer, target, left * size / count, depth - 1)
+            of_errors = histogram(of_parts, parts.inside, target)
+            _refine(look, parts, of_parts, of_errors, fewer, target, left * size / count, depth - 1)
         part = 4 * dr.arange(mi.UInt32, size)
         mean = sum(dr.gather(mi.Vector4f, of_parts.value, part + k) for k in range(4)) * 0.25
         dr.scatter(estimate.value, mean, chosen)

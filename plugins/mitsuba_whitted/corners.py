@@ -59,16 +59,16 @@ def _range_around(some: Cells, where: Any, low: Any, high: Any) -> tuple[Any, An
     """Widen a range by all samples of the lattice next to the corners: in fine texture those are alike by chance."""
 
     def widened() -> tuple[Any, Any]:
+        # Beyond the lattice its own border is looked at again.
+        columns = [mi.UInt32(dr.clip(mi.Int32(some.i) + x, 0, mi.Int32(some.across) - 1)) for x in range(-1, 3)]
+        rows = [mi.UInt32(dr.clip(mi.Int32(some.j) + y, 0, mi.Int32(some.down) - 1)) for y in range(-1, 3)]
+        first = some.corner - some.j * some.across - some.i
         wide_low, wide_high = low, high
-        for x, y in itertools.product(range(-1, 3), repeat=2):
-            if 0 <= x <= 1 and 0 <= y <= 1:
+        for x, y in itertools.product(range(4), repeat=2):
+            if x in (1, 2) and y in (1, 2):
                 continue
-            i, j = mi.Int32(some.i) + x, mi.Int32(some.j) + y
-            there = where & (i >= 0) & (j >= 0) & (i < mi.Int32(some.across)) & (j < mi.Int32(some.down))
-            sample = mi.UInt32(mi.Int32(some.corner) + x + y * mi.Int32(some.across))
-            colour = dr.gather(mi.Vector4f, some.colours, sample, there)
-            wide_low = dr.select(there, dr.minimum(wide_low, colour), wide_low)
-            wide_high = dr.select(there, dr.maximum(wide_high, colour), wide_high)
+            colour = some.colour(first + rows[y] * some.across + columns[x])
+            wide_low, wide_high = dr.minimum(wide_low, colour), dr.maximum(wide_high, colour)
         return wide_low, wide_high
 
     def same() -> tuple[Any, Any]:

@@ -8,12 +8,11 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
 from mitsuba_whitted.cells import Cells, Estimate, Kind
 from mitsuba_whitted.corners import OF_RANGE
 from mitsuba_whitted.tables import opaque
-from mitsuba_whitted.water import levels
+from mitsuba_whitted.water import Histogram, levels
 
 # Fitted as told in `antialias`.
 
@@ -29,17 +28,19 @@ LEAST_FAR = 1.2
 MOST_CHECKS = 128
 
 
-def checks(pixels: Cells, estimate: Estimate, histogram: NDArray[np.float64], target: float, count: int) -> Any:
+def checks(pixels: Cells, estimate: Estimate, errors: Histogram, target: float, count: int) -> Any:
     """Say how many samples more each pixel needs, so that what matters is not likely to hide there.
 
     A hidden thing has the contrast of the edges that are seen. Unseen by k samples it fills about 1/k of a pixel,
     and adds (contrast / k)^2 to the sum of all squares, which may be count * target^2.
     """
-    mixed = histogram[Kind.EDGE :]
+    mixed = errors[Kind.EDGE :]
     contrast = math.sqrt(np.sum(mixed * levels(target) ** 2) / max(mixed.sum(), 1)) / OF_RANGE
     worst = contrast / (target * math.sqrt(count))
     near, far = (min(share * worst, MOST_CHECKS) for share in (NEAR, FAR))
     every = math.ceil(1 / far) if far > LEAST_FAR else 0
+    if near < 1 and not every:
+        return opaque(dr.zeros(mi.UInt32, dr.width(pixels.inside)))
     some = (pixels.i + 2 * pixels.j) % opaque(mi.UInt32(max(every, 1))) == 0
     of_far = dr.select(some, opaque(mi.UInt32(math.ceil(far) if every else 0)), 0)
     of_each = dr.select(around(pixels, estimate.kind != Kind.SMOOTH.value), opaque(mi.UInt32(int(near))), of_far)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import drjit as dr
@@ -24,6 +24,9 @@ from mitsuba_whitted.trace import Traced, trace
 
 MOST_SAMPLES = 1 << 16
 """Samples a pixel: 256 x 256, where the grid's error has long met that of float32."""
+
+Heard = Callable[[Any, Any, Any], None]
+"""Told of samples while they are traced: x, y (Float, pixels from the corner of the crop window) and a mask."""
 
 TERMS = ("ambient", "diffuse", "specular", "shadows", "mirrors")
 
@@ -223,10 +226,13 @@ def define() -> type[mi.SamplingIntegrator]:
             stage, camera, plan = self._prepare(scene, sensor)
             return explain(stage, plan, camera.rays, x, y, self._grid(sensor, spp))
 
-        def count_rays(self, scene: mi.Scene, sensor: mi.Sensor | int = 0, spp: int = 0) -> dict[str, int]:
+        def count_rays(
+            self, scene: mi.Scene, sensor: mi.Sensor | int = 0, spp: int = 0, heard: Heard | None = None
+        ) -> dict[str, int]:
             """Count the rays of a picture by tracing it once more: `camera`, `mirror` and `shadow` rays.
 
-            With a target error also `cut` ones: mirrors that were not followed since they would add too little.
+            With a target error also `cut` ones: mirrors that were not followed since they would add too little; and
+            `heard` is told where the samples are.
             """
             sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
             stage, camera, plan = self._prepare(scene, sensor)
@@ -235,9 +241,12 @@ def define() -> type[mi.SamplingIntegrator]:
 
                 def look(x: Any, y: Any, active: Any) -> tuple[Any, Any]:
                     traced = trace(stage, plan, camera.rays(x, y), active)
+                    counts = active & (x > -dr.inf)  # as wide as the samples: a constant counts once for all of them
+                    if heard:
+                        heard(x, y, counts)
                     one = mi.UInt32(1)
                     for i, rays in enumerate((one, traced.mirror_rays, traced.shadow_rays, traced.cut_rays)):
-                        dr.scatter_add(tally, mi.UInt64(rays), mi.UInt32(i), active)
+                        dr.scatter_add(tally, mi.UInt64(rays), mi.UInt32(i), counts)
                     return _four_channels(traced), traced.path
 
                 film.expose_to(sensor.film(), self._pixel_error(), look)

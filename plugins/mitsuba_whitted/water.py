@@ -18,8 +18,11 @@ LEFT = np.array([0.8, 0.3, 0.7])
 OCTAVES_BELOW, STEPS, BINS = 8, 4, 96
 """Errors are counted from so many octaves below the target, in so many steps an octave."""
 
+Histogram = NDArray[np.float64]
+"""Cells of each kind by their error, (3, BINS)."""
 
-def histogram(estimate: Estimate, active: Any, target: float) -> NDArray[np.float64]:
+
+def histogram(estimate: Estimate, active: Any, target: float) -> Histogram:
     """Count the errors of each kind of cell, (3, BINS); those too small to matter are left out.
 
     Whole numbers: their sum does not depend on the order in which threads come.
@@ -37,8 +40,11 @@ def levels(target: float) -> NDArray[np.float64]:
     return of_bins
 
 
-def water_level(counts: NDArray[np.float64], target: float, budget: float) -> float:
+def water_level(counts: Histogram, target: float, budget: float) -> float:
     """Find the error above which cells are refined, so that all that is left meets the budget."""
-    known = levels(target)
-    left = [np.sum(counts * np.minimum(known, LEFT[:, None] * limit) ** 2) for limit in known]
-    return float(known[max(int(np.searchsorted(left, budget)) - 1, 0)])
+    left = np.sum(counts * _SQUARES, axis=(1, 2)) * target**2
+    return float(levels(target)[max(int(np.searchsorted(left, budget)) - 1, 0)])
+
+
+_SQUARES = np.minimum(levels(1), LEFT[:, None] * levels(1)[:, None, None]) ** 2
+"""What a cell adds to the sum of squares, by limit, kind and error: (BINS, 3, BINS), for a target of 1."""

@@ -159,12 +159,26 @@ def test_no_launch_over_all_pixels_is_done_twice(llvm_ad_rgb, scene_of):
     largest = sorted(each["operation_count"] for each in everything)
     # The estimate itself; nothing else over all pixels comes near it.
     assert largest[-2] < largest[-1] / 2
+    hashes = [each["hash"] for each in everything]
+    assert len(set(hashes)) == len(hashes)
 
 
 def test_one_colour_takes_one_ray_a_corner_and_stays_exact(llvm_ad_rgb, scene_of):
     scene = scene_of(SKY, size=(40, 33))
     assert np.array_equal(draw(scene, 1e-3), np.broadcast_to([0.25, 0.5, 0.75], (33, 40, 3)))
     assert scene.integrator().count_rays(scene) == {"camera": 41 * 34, "mirror": 0, "shadow": 0, "cut": 0}
+
+
+def test_every_sample_is_counted(llvm_ad_rgb, scene_of):
+    scene = scene_of(BODY, size=(32, 32))
+    aim(scene, 2e-3)
+    taken = dr.zeros(mi.UInt32, 1)
+
+    def heard(x, y, active):
+        each = dr.select(x > -dr.inf, mi.UInt32(1), 0)  # one a sample: a constant is added once a launch
+        dr.scatter_add(taken, each, mi.UInt32(0), active)
+
+    assert scene.integrator().count_rays(scene, heard=heard)["camera"] == taken[0] > 33 * 33
 
 
 @pytest.mark.parametrize("size", [(1, 1), (2, 1), (1, 3), (3, 2), (65, 4)])

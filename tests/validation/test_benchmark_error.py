@@ -7,12 +7,14 @@ import math
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
+from mitsuba_whitted import LIBLLVM  # isort: skip  # before Mitsuba
+import mitsuba as mi
 import numpy as np
 import pytest
 
-from mitsuba_whitted import LIBLLVM
 from whitted_validation.benchmark import povray, scenes
 from whitted_validation.benchmark.error import GRID, TARGET, Curves, Kept, Results
 from whitted_validation.benchmark.error_curves import Point, at_error, cheapest, cpu, rays, slope
@@ -98,6 +100,23 @@ def test_what_is_cheap_enough_is_met_and_what_is_dear_is_not() -> None:
         assert pair == [{"met"}, {"not met"}]
 
 
+def test_beside_a_time_stands_that_of_tracing_the_same_samples_alone() -> None:
+    results = measured(factor=100)
+    for curves in results.scenes.values():  # half of what ours takes
+        half = [replace(p, bare=point("", 1, cpu(p) / 2).cost) if p.way == TARGET else p for p in curves.points]
+        curves.points = half
+    found = {outcome.target: outcome.measured for outcome in outcomes(results)}
+    (time,) = [text for target, text in found.items() if "balls" in target and "times the CPU" in target]
+    ours, alone = float(time.split(";")[0]), float(time.split("alone")[1])
+    assert abs(alone - ours / 2) <= 0.01 * ours  # three digits of each are shown
+    (gain,) = [text for target, text in found.items() if "1/2 of the grid's CPU" in target]
+    ours, alone = (float(part.split("1/")[1]) for part in gain.split(";"))
+    assert abs(alone - 2 * ours) <= 0.01 * alone
+    (slower,) = [text for target, text in found.items() if "never slower" in target and "CPU" in target]
+    assert slower.endswith("alone in 7")
+    assert not any("alone" in text for target, text in found.items() if "the rays" in target)
+
+
 def test_a_worse_pixel_than_twice_the_grids_is_told() -> None:
     words = "worst pixel"
     assert of(verdicts(measured(worst=1.9)), words) == "met"
@@ -159,6 +178,26 @@ def test_path_converges_to_the_picture_of_the_scene_without_mirrors(tmp_path: Pa
         # Independent samples: 256 times as many have a 16th of the error. The grid's own error, and chance in an RMSE
         # over hundreds of pixels, are nowhere near a factor of two.
         assert error[1] < error[0] / 8
+
+
+@needs_llvm
+def test_the_samples_that_are_traced_alone_cause_the_rays_of_the_refinement(tmp_path: Path, llvm_ad_rgb: None) -> None:
+    from mitsuba_whitted.trace import trace
+    from whitted_validation.benchmark.error_bare import samples
+
+    scene = mi.load_file(str(scenes.write("a", tmp_path, 5)), size="64")
+    integrator = scene.integrator()
+    integrator.settings = replace(integrator.settings, target_error=1e-3)
+    counted = integrator.count_rays(scene)
+    places = samples(scene)
+    stage, camera, plan = integrator._prepare(scene, scene.sensors()[0])
+    traced = trace(stage, plan, camera.rays(*(mi.Float(axis) for axis in places.T)))
+    secondary = int(np.array(traced.mirror_rays + traced.shadow_rays, np.uint64).sum())
+    assert (len(places), secondary) == (counted["camera"], counted["mirror"] + counted["shadow"])
+    # Neighbours follow each other: along a Z curve all samples of a square of 4 x 4 pixels do.
+    squares = np.floor(places / 4)
+    runs = 1 + np.count_nonzero((squares[1:] != squares[:-1]).any(axis=1))
+    assert runs == len(np.unique(squares, axis=0))
 
 
 @needs_llvm

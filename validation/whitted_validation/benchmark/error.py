@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from whitted_validation.benchmark import povray, scenes
 from whitted_validation.benchmark.error_curves import Point
 from whitted_validation.benchmark.error_drawing import PEERS, Drawing, Image, Timed, for_peers, pixels
 from whitted_validation.benchmark.error_epsilon import Wrong, shadows
-from whitted_validation.benchmark.error_picture import picture_point
+from whitted_validation.benchmark.error_picture import picture_point, timed
 from whitted_validation.benchmark.error_povray import by_povray
 from whitted_validation.benchmark.error_schedule import Schedule
 from whitted_validation.benchmark.speed_configurations import Unavailable
@@ -184,7 +184,9 @@ def _curves(
     for target in schedule.targets:
         told(f"{name}: target error {target:g}")
         traced = drawing.rays_to(target) / curves.rays
-        curves.points.append(picture_point(TARGET, target, drawing.to(target), truth, schedule, one, traced, hidden))
+        point = picture_point(TARGET, target, drawing.to(target), truth, schedule, one, traced, hidden)
+        bare = timed(drawing.bare(target), one, curves.size, schedule)
+        curves.points.append(replace(point, bare=bare))
         yield
     if not povray_too:
         return

@@ -26,6 +26,7 @@ class Point:
     rays : over those of one sample a pixel, of all kinds; None where nobody counts them
     cost : time over that of one sample a pixel
     missed : pixels with hidden features whose error is above `MISSED`; None where that was not looked for
+    bare : time of tracing the same samples and nothing else, over that of one sample a pixel; None where not taken
     """
 
     way: str
@@ -37,6 +38,7 @@ class Point:
     rays: float | None = None
     cost: Comparison | None = None
     missed: int | None = None
+    bare: Comparison | None = None
 
 
 def cpu(point: Point) -> float:
@@ -47,6 +49,16 @@ def cpu(point: Point) -> float:
 def wall(point: Point) -> float:
     """Wall time likewise."""
     return point.cost.wall.median if point.cost else math.nan
+
+
+def bare_cpu(point: Point) -> float:
+    """CPU time of tracing the same samples and nothing else, likewise."""
+    return point.bare.cpu.median if point.bare else math.nan
+
+
+def bare_wall(point: Point) -> float:
+    """Wall time of that."""
+    return point.bare.wall.median if point.bare else math.nan
 
 
 def rays(point: Point) -> float:
@@ -60,6 +72,9 @@ def largest(point: Point) -> float:
 
 
 Of = Callable[[Point], float]
+
+FLOOR: dict[Of, Of] = {cpu: bare_cpu, wall: bare_wall}
+"""Of each time, that of tracing the same samples and nothing else."""
 
 
 def at_error(points: Iterable[Point], of: Of, rmse: float) -> float:

@@ -15,6 +15,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from whitted_validation.benchmark.error_bare import bare
 from whitted_validation.benchmark.speed_worker import Facts, Sample
 
 Image = NDArray[np.float32]
@@ -78,6 +79,11 @@ class Drawing:
         """Draw to a target error."""
         self._set(target_error=error)
         return lambda: self._aimed.integrator().render(self._aimed)
+
+    def bare(self, error: float) -> Draw:
+        """Trace the samples that a target error takes, and nothing else."""
+        self._set(target_error=error)
+        return bare(self._aimed)
 
     def with_epsilon(self, epsilon: float | None) -> Draw:
         """Draw one sample a pixel with the textbook's epsilon, or without."""

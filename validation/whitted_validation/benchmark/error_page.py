@@ -13,7 +13,8 @@ results.json, besides what every command writes
         is missing), and
         points one object a picture: way, knob (n, target error, samples, threshold), rmse, p999, largest, flip, rays
             (over those of one sample a pixel), missed (hidden and off by more than 1e-2), cost (time over that of one
-            sample a pixel, as `comparison` in results.json of `whitted benchmark speed`)
+            sample a pixel, as `comparison` in results.json of `whitted benchmark speed`), bare (the same of tracing
+            the same samples in one launch and nothing else; null but for target errors)
     peers      the same of the scene that `path` and `direct` draw alike
     epsilon    points of the textbook's constant; knob is the constant, in world units
     shadows    share of points in the wrong light: case, by_epsilon (pairs), ours (without a constant)
@@ -31,7 +32,7 @@ from typing import Any
 
 from whitted_validation import report
 from whitted_validation.benchmark.error import FROZEN, GRID, TARGET, Curves, Results
-from whitted_validation.benchmark.error_curves import Of, Point, cheapest, cpu, rays, slope, wall
+from whitted_validation.benchmark.error_curves import Of, Point, bare_cpu, cheapest, cpu, rays, slope, wall
 from whitted_validation.benchmark.error_drawing import PEERS
 from whitted_validation.benchmark.error_epsilon import Wrong
 from whitted_validation.benchmark.error_povray import METHODS
@@ -146,6 +147,8 @@ def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]
             f"lattice of {schedule.converged} samples in each pixel. Rays and times are given over those "
             "of one sample a pixel of the same scene. Times are medians of pairs, drawn in turn, up to "
             f"{schedule.pairs} of them; CPU time is that of all threads. {_by_povray(results)}"
+            "Beside a time stands its floor: that of tracing the same samples alone, as if all were known beforehand, "
+            "all at once and neighbours together. "
             "The seeds of the scenes come from the number of the commit "
             f"after which no constant of the refinement was changed, `{FROZEN}`."
         ),
@@ -195,7 +198,7 @@ def _scene(name: str, curves: Curves, schedule: Schedule) -> Group:
             if len(series) == 2 + len(others):  # nobody counts the rays of `path` and `direct`
                 parts.append(Chart("Error against cost", f"{axis}, one sample a pixel = 1", "RMSE", series))
     rows = [_row(point, id(point) in front) for point in curves.points]
-    errors, costs = ("RMSE", "99.9 %", "worst", "FLIP"), ("rays", "CPU time", "wall time")
+    errors, costs = ("RMSE", "99.9 %", "worst", "FLIP"), ("rays", "CPU time", "wall time", "CPU, its samples alone")
     columns = ["way", "n, E, samples or threshold", *errors, *costs, "missed", ""]
     parts.append(Table(columns, rows, "All pictures; on the front: none is better in both CPU time and RMSE"))
     table: list[list[str | float | Cell]] = [
@@ -208,7 +211,7 @@ def _scene(name: str, curves: Curves, schedule: Schedule) -> Group:
 def _row(p: Point, on_front: bool) -> list[str | float | Cell]:
     flip = "not installed" if p.flip is None else p.flip
     missed = "" if p.missed is None else p.missed
-    shown = [("" if x != x else x) for x in (rays(p), cpu(p), wall(p))]
+    shown = [("" if x != x else x) for x in (rays(p), cpu(p), wall(p), bare_cpu(p))]
     return [p.way, p.knob, p.rmse, p.p999, p.largest, flip, *shown, missed, Cell("on the front" * on_front, "good")]
 
 

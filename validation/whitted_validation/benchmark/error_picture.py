@@ -33,11 +33,14 @@ def picture_point(
 ) -> Point:
     """Draw one picture, compare it with the converged one, and take its time beside one sample a pixel."""
     drawn = pixels(draw)
-    costs = None
-    if one is not None:
-        timed = Timed(draw, len(truth))
-        costs = cost(one, timed, timed.facts.one.wall, schedule)
+    costs = None if one is None else timed(draw, one, len(truth), schedule)
     return compared(way, knob, drawn, truth, costs, traced, hidden)
+
+
+def timed(draw: Draw, one: Timed, side: int, schedule: Schedule) -> Comparison:
+    """Take the time of a picture beside one sample a pixel."""
+    drawing = Timed(draw, side)
+    return cost(one, drawing, drawing.facts.one.wall, schedule)
 
 
 def cost(one: Timed, other: Clocked, seconds: float, schedule: Schedule) -> Comparison:

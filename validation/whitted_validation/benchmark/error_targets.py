@@ -6,7 +6,18 @@ import math
 from collections.abc import Iterator, Sequence
 
 from whitted_validation.benchmark.error import GRID, TARGET, Curves, Kept, Results
-from whitted_validation.benchmark.error_curves import Of, Point, at_error, cheapest, cpu, largest, rays, slope, wall
+from whitted_validation.benchmark.error_curves import (
+    FLOOR,
+    Of,
+    Point,
+    at_error,
+    cheapest,
+    cpu,
+    largest,
+    rays,
+    slope,
+    wall,
+)
 from whitted_validation.benchmark.error_povray import POVRAY
 from whitted_validation.benchmark.error_schedule import FULL
 from whitted_validation.benchmark.speed_targets import Outcome
@@ -46,6 +57,10 @@ STEEPEST_GRID = -1.0
 
 LEAST_POVRAY = (("a", 30.0), ("c", 30.0), ("b", 20.0))
 """Scene, and the wall time of POV-Ray's best mode over ours at equal RMSE, wherever both curves go."""
+
+
+BARE = "tracing the same samples alone"
+"""Said of the floor beside a time: see `error_bare`."""
 
 
 def trusted(curves: Curves, way: str) -> list[Point]:
@@ -88,26 +103,38 @@ def _at_most(target: str, curves: Curves | None, of: Of, rmse: float, most: floa
     cost = math.nan if curves is None else at_error(curves.of(TARGET), of, rmse)
     if curves is None or math.isnan(cost):
         return Outcome(target, "", None)
-    grid = at_error(curves.of(GRID), of, rmse)
-    beside = "" if math.isnan(grid) else f"; grid {grid:.3g}"
-    return Outcome(target, f"{cost:.3g}{beside}", cost <= most)
+    beside = {"grid": at_error(curves.of(GRID), of, rmse), BARE: _floor(curves, of, rmse)}
+    text = "".join(f"; {what} {value:.3g}" for what, value in beside.items() if not math.isnan(value))
+    return Outcome(target, f"{cost:.3g}{text}", cost <= most)
 
 
-def gains(curves: Curves, of: Of, others: Sequence[Point]) -> list[tuple[float, float]]:
-    """Compare with another curve at equal RMSE: our RMSE, and its cost over ours, wherever both curves go."""
+def _floor(curves: Curves, of: Of, rmse: float) -> float:
+    """Interpolate the time of merely tracing our samples; NaN where it was not taken, and for all but times."""
+    return at_error(curves.of(TARGET), FLOOR[of], rmse) if of in FLOOR else math.nan
+
+
+def gains(curves: Curves, of: Of, others: Sequence[Point], ours: Of | None = None) -> list[tuple[float, float]]:
+    """Compare with another curve at equal RMSE: our RMSE, and its cost over ours, wherever both curves go.
+
+    `ours` is what counts as our cost, if not the same as theirs.
+    """
+    ours = ours or of
     found = []
     for point in trusted(curves, TARGET):
         other = at_error(others, of, point.rmse)
-        if of(point) > 0 and not math.isnan(other):
-            found.append((point.rmse, other / of(point)))
+        if ours(point) > 0 and not math.isnan(other):
+            found.append((point.rmse, other / ours(point)))
     return found
 
 
 def _povray(curves: Curves | None, target: str, least: float) -> Outcome:
     """Compare with the cheapest of POV-Ray's modes, at the error of each of our pictures."""
     points = [] if curves is None else [p for p in curves.points if p.way.startswith(POVRAY)]
-    ratios = [] if curves is None else gains(curves, wall, cheapest(points, wall))
+    theirs = cheapest(points, wall)
+    ratios, floors = ([] if curves is None else gains(curves, wall, theirs, ours) for ours in (wall, FLOOR[wall]))
     text = ", ".join(f"{gain:.3g} at {rmse:.2g}" for rmse, gain in ratios)
+    floor = [gain for _, gain in floors]
+    text += f"; {BARE} {min(floor):.3g} to {max(floor):.3g}" if floor else ""
     return Outcome(f"{target} at equal RMSE", text, all(g >= least for _, g in ratios) if ratios else None)
 
 
@@ -116,11 +143,15 @@ def _clutter(curves: Curves | None) -> Iterator[Outcome]:
         target = f"clutter: RMSE {CLUTTER:g} in at most 1/{LEAST_GAIN:g} of the grid's {clock} time"
         ours, grid = (math.nan if curves is None else at_error(curves.of(w), of, CLUTTER) for w in (TARGET, GRID))
         known = not math.isnan(ours) and not math.isnan(grid)
-        yield Outcome(target, f"1/{grid / ours:.3g}" if known else "", grid >= LEAST_GAIN * ours if known else None)
+        floor = math.nan if curves is None else _floor(curves, of, CLUTTER)
+        text = f"1/{grid / ours:.3g}" + ("" if math.isnan(floor) else f"; {BARE} 1/{grid / floor:.3g}")
+        yield Outcome(target, text if known else "", grid >= LEAST_GAIN * ours if known else None)
         target = f"clutter: never slower than the grid of equal RMSE, {clock} time"
         ratios = [] if curves is None else gains(curves, of, curves.of(GRID))
         slower = [f"at {rmse:.2g} {1 / gain:.3g} times its time" for rmse, gain in ratios if gain < 1]
         text = f"{len(slower)} of {len(ratios)} pictures slower" + "".join(f"; {each}" for each in slower)
+        floors = [] if curves is None else gains(curves, of, curves.of(GRID), FLOOR[of])
+        text += f"; {BARE} in {sum(gain < 1 for _, gain in floors)}" if floors else ""
         yield Outcome(target, text if ratios else "", not slower if ratios else None)
 
 
