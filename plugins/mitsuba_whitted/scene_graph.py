@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -56,6 +57,8 @@ class SceneGraph:
         """Every shape that a ray can meet: a group that no instance places is not drawn."""
         self.bsdfs = [shape.bsdf() for shape in self.all_shapes]
 
+        self.kept: dict[Any, Any] = {}
+        """What others have made of these objects, and may use again."""
         self._shape_values = self._values_of(lambda owner: isinstance(owner, mi.Shape))
         self._other_values = self._values_of(lambda owner: not isinstance(owner, mi.Shape))
 
@@ -82,6 +85,11 @@ class SceneGraph:
     def appearance_stamp(self) -> Stamp:
         """Note the present values of all materials, textures and emitters."""
         return Stamp(self._other_values)
+
+    def stamp(self, owners: Iterable[mi.Object]) -> Stamp:
+        """Note the present values of some objects."""
+        chosen = set(owners)
+        return Stamp(self._values_of(lambda owner: owner in chosen))
 
     def _groups_of_instances(self) -> dict[mi.Object, Any]:
         """Find the group of each instance, which Mitsuba does not tell: by whom the group's first shape is met."""

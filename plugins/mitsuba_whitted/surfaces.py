@@ -62,7 +62,7 @@ class Surfaces:
         if self.kinds & PLANES:
             self._planes = double_column(row.plane for row in rows)
         self._reach_kind = column([*row.reach, row.kind] for row in rows)
-        self._to_local = column(axis for row in rows for axis in row.to_local)
+        self._to_local = double_column(axis for row in rows for axis in row.to_local)
 
         self.meshes = Meshes(graph, shapes, origins)
         self.instances = Instances(graph, self.centre) if graph.instances else None
@@ -114,7 +114,7 @@ class Surfaces:
         sign = mi.Float64(1)
         reach_kind = fetch(mi.Vector4f, self._reach_kind, shape, valid)
         reach, kind = mi.Vector3f(reach_kind.xyz), reach_kind.w
-        p, n, n_g, uv = mi.Point3d(0), mi.Normal3d(0), mi.Normal3d(0), mi.Point2f(0)
+        p, n, n_g, uv = mi.Point3d(0), mi.Normal3d(0), mi.Normal3d(0), mi.Point2d(0)
 
         if self.kinds - {Kind.MESH}:
             a_r = fetch(mi.Vector4d, self._a_r, shape, valid)
@@ -135,7 +135,7 @@ class Surfaces:
                 n = dr.select(kind == float(Kind.CYLINDER), mi.Normal3d(outward), n)
                 n_g = dr.select(kind == float(Kind.CYLINDER), mi.Normal3d(outward), n_g)
             if with_uv:
-                uv = self._texture_coordinates(kind, mi.Vector3f(p - a), shape, valid)
+                uv = self._texture_coordinates(kind, p - a, shape, valid)
 
         if Kind.MESH in self.kinds:
             here = valid & (kind == float(Kind.MESH))
@@ -158,16 +158,16 @@ class Surfaces:
 
     def _texture_coordinates(self, kind: Any, off_origin: Any, shape: Any, active: Any) -> Any:
         """Mitsuba's (u, v) of its analytic shapes, from a vector off the image of their local origin."""
-        x, y, z = (dr.dot(fetch(mi.Vector3f, self._to_local, 3 * shape + i, active), off_origin) for i in range(3))
-        uv = mi.Point2f(dr.fma(x, 0.5, 0.5), dr.fma(y, 0.5, 0.5))  # rectangle
+        x, y, z = (dr.dot(fetch(mi.Vector3d, self._to_local, 3 * shape + i, active), off_origin) for i in range(3))
+        uv = mi.Point2d(dr.fma(x, 0.5, 0.5), dr.fma(y, 0.5, 0.5))  # rectangle
         if self.kinds - {Kind.RECTANGLE, Kind.MESH}:
             turn = dr.atan2(y, x) * (0.5 / dr.pi)
             turn = dr.select(turn < 0, turn + 1, turn)
             radius = dr.sqrt(x * x + y * y)
-            uv = dr.select(kind == float(Kind.DISK), mi.Point2f(radius, turn), uv)
-            uv = dr.select(kind == float(Kind.CYLINDER), mi.Point2f(turn, z), uv)
+            uv = dr.select(kind == float(Kind.DISK), mi.Point2d(radius, turn), uv)
+            uv = dr.select(kind == float(Kind.CYLINDER), mi.Point2d(turn, z), uv)
             polar = dr.atan2(radius, z) * (1 / dr.pi)
-            uv = dr.select(kind == float(Kind.SPHERE), mi.Point2f(turn, polar), uv)
+            uv = dr.select(kind == float(Kind.SPHERE), mi.Point2d(turn, polar), uv)
         return uv
 
 
