@@ -133,10 +133,11 @@ class Coefficient:
         value = fetch(self._kind, self._rows, material, active)
         if self.textures:
             number = fetch(mi.UInt32, self._numbers, material, active)
-            factor: Any = self._tables.at(number, uv, active)
+            here = active & (number != 0)
+            factor: Any = self._tables.at(number, uv, here)
             if self._kind is mi.Float:
                 factor = dr.clip(factor[0], 0, self._most)
-            value *= factor
+            value = dr.select(here, value * factor, value)
         return value
 
     def squares(self, material: Any, uv: Any, active: Any) -> Iterator[Any]:

@@ -142,10 +142,10 @@ class Stamp:
 
     def __init__(self, places: list[tuple[Any, Any, mi.Object]]) -> None:
         values = [read(*place) for place in places]
-        plain = [isinstance(value, (bool, int, float)) for value in values]
-        self._live = [value for value, is_plain in zip(values, plain, strict=True) if not is_plain]
+        plain = [_plain(value) for value in values]
+        self._live = [value for value, known in zip(values, plain, strict=True) if known is None]
         """Dr.Jit's own objects, as their owners hold them: an edit shows in them."""
-        self._numbers_at = [place for place, is_plain in zip(places, plain, strict=True) if is_plain]
+        self._numbers_at = [place for place, known in zip(places, plain, strict=True) if known is not None]
         self._numbers = self._read_numbers()
         self._held = dr.copy(self._live)
         self._indices = dr.detail.collect_indices(self._held)
@@ -157,7 +157,15 @@ class Stamp:
         return dr.detail.collect_indices(self._live) == self._indices and self._read_numbers() == self._numbers
 
     def _read_numbers(self) -> list[Any]:
-        return [read(*place) for place in self._numbers_at]
+        return [_plain(read(*place)) for place in self._numbers_at]
+
+
+def _plain(value: Any) -> Any:
+    """Give a value that is no array of Dr.Jit in a form that an edit does not change; None if it is one."""
+    if isinstance(value, (bool, int, float)):
+        return value
+    matrix = getattr(value, "matrix", None)
+    return None if matrix is None or dr.is_jit_v(matrix) else np.array(matrix).tolist()
 
 
 def recorder(node: Node) -> mi.TraversalCallback:

@@ -66,7 +66,7 @@ class Textures:
     graph : SceneGraph
         Knows the textures inside textures.
     roots : list of Texture
-        ``roots[i]`` becomes number ``numbers[i]``; number 0 is white.
+        ``roots[i]`` becomes number ``numbers[i]``; number 0 is none.
 
     Raises
     ------
@@ -78,7 +78,7 @@ class Textures:
         self._graph = graph
         self._channels = dr.size_v(mi.Spectrum)
         self._rows = [_Row(_ANYWHERE)]
-        self._texels = [np.ones((1, self._channels))]
+        self._texels = [np.zeros((1, self._channels))]
         self._known: dict[mi.Texture, int] = {}
         self.numbers = [self._number_of(texture) for texture in roots]
         self.stamp: Stamp = graph.stamp(self._known)
@@ -95,8 +95,8 @@ class Textures:
 
     def at(self, number: Any, uv: Any, active: Any) -> Any:
         """Colour of texture `number` at the surface coordinates `uv`, in double."""
-        if not dr.is_jit_v(mi.Float) and not active:
-            return mi.Spectrum(0)  # coordinates of what was not hit need not be numbers
+        if active is False:
+            return mi.Spectrum(0)  # in scalar variants; coordinates of what was not hit need not be numbers
         for _ in range(self._nesting):
             what = fetch(mi.Vector4u, self._what, number, active)
             (x, _width), (y, _height) = self._place(number, uv, active)
@@ -108,19 +108,22 @@ class Textures:
             return fetch(mi.Spectrum, self._colours, first, active)
 
         (x, width), (y, height) = self._place(number, uv, active)
-        half = dr.select((flags & _BILINEAR) != 0, mi.Float64(0.5), mi.Float64(0))
+        bilinear = (flags & _BILINEAR) != 0
+        half = dr.select(bilinear, mi.Float64(0.5), mi.Float64(0))
         x, y = dr.fma(x, width, -half), dr.fma(y, height, -half)
         i, j = dr.floor(x), dr.floor(y)
 
-        def texel(i: Any, j: Any) -> Any:
+        def texel(i: Any, j: Any, active: Any) -> Any:
             column, row = _wrapped(i, width, flags), _wrapped(j, height, flags)
             return fetch(mi.Spectrum, self._colours, first + row * mi.UInt32(width) + column, active)
 
+        colour = texel(i, j, active)
         if not self._bilinear:
-            return texel(i, j)
-        x, y = mi.Float((x - i) * 2 * half), mi.Float((y - j) * 2 * half)  # 0 where the filter is another
-        low, high = (_between(texel(i, row), texel(i + 1, row), x) for row in (j, j + 1))
-        return _between(low, high, y)
+            return colour
+        others = active & bilinear
+        right, above, both = texel(i + 1, j, others), texel(i, j + 1, others), texel(i + 1, j + 1, others)
+        x, y = mi.Float(x - i), mi.Float(y - j)
+        return dr.select(bilinear, _between(_between(colour, right, x), _between(above, both, x), y), colour)
 
     def squares(self, number: Any, uv: Any, active: Any) -> Iterator[Any]:
         """Tell the squares of a checkerboard and the texels of a bitmap apart: the column and the row of that at `uv`.
