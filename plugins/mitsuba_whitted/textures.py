@@ -18,8 +18,8 @@ from mitsuba_whitted.bitmaps import bitmap_of
 from mitsuba_whitted.scene_graph import SceneGraph, Stamp, number
 from mitsuba_whitted.tables import double_column, fetch, index_column, stored
 
-LUMINANCE = (0.212671, 0.715160, 0.072169)
-"""Weights by which Mitsuba makes one channel of three (Rec. 709)."""
+LUMINANCE = np.array([[0.212671], [0.715160], [0.072169]], np.float32)
+"""Weights by which Mitsuba makes one channel of three (Rec. 709), in single precision as there."""
 
 _MIRROR, _CLAMP, _BILINEAR = 1, 2, 4
 
@@ -161,7 +161,7 @@ class Textures:
         height, width, channels = bitmap.texels.shape
         texels = bitmap.texels.reshape(-1, channels)
         if channels > self._channels:
-            texels = texels @ np.array(LUMINANCE)[:, None]
+            texels = texels @ LUMINANCE.astype(float)
         self._texels.append(np.broadcast_to(texels, (len(texels), self._channels)))
         flags = _BILINEAR * bitmap.bilinear + _MIRROR * (bitmap.wrap == "mirror") + _CLAMP * (bitmap.wrap == "clamp")
         return _Row(to_uv, first=first, size=(width, height), flags=flags)
