@@ -10,7 +10,6 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.scene_graph import SceneGraph, number
 from mitsuba_whitted.tables import opaque
 
@@ -42,16 +41,10 @@ def bitmap_of(graph: SceneGraph, texture: mi.Texture) -> Bitmap:
 
     Mitsuba tells its texels and nothing else: not the wrap mode, nor the filter, nor whether bytes are sRGB. These
     are found by asking the texture for its colour where the answers differ most. Where none differ, any will do.
-
-    Raises
-    ------
-    SceneError
-        If its to_uv cannot be inverted.
+    Its to_uv must be invertible.
     """
     stored = np.array(graph.value(texture, "data"))
-    to_uv = np.array(graph.value(texture, "to_uv").matrix, float).reshape(3, 3)
-    if not np.all(np.isfinite(to_uv)) or np.linalg.det(to_uv) == 0:
-        raise SceneError(f"texture `{texture.id()}`: to_uv is singular or not finite; that of a bitmap must be neither")
+    to_uv = to_uv_of(graph, texture)
 
     def said(probes: list[_Probe]) -> str:
         off: dict[str, float] = {}
@@ -67,6 +60,11 @@ def bitmap_of(graph: SceneGraph, texture: mi.Texture) -> Bitmap:
     if stored.dtype == np.uint8:
         texels = _decoded(stored, said([_encoding_probe(stored)]) == "sRGB")
     return Bitmap(texels, said(list(_wrap_probes(texels))), said(list(_filter_probes(texels))) == "bilinear")
+
+
+def to_uv_of(graph: SceneGraph, texture: mi.Texture) -> NDArray[np.float64]:
+    """Give the matrix of a bitmap or checkerboard, (3, 3)."""
+    return np.array(graph.value(texture, "to_uv").matrix, float).reshape(3, 3)
 
 
 def _decoded(stored: NDArray[np.uint8], srgb: bool) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_whitted.bitmaps import to_uv_of
 from mitsuba_whitted.blinn_phong import MAX_EXPONENT, PARAMETERS
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.scene_graph import SceneGraph
@@ -147,7 +148,7 @@ class Coefficient:
 
 
 def _check_texture(graph: SceneGraph, texture: Any, what: str, most: float) -> None:
-    """Refuse a texture of another kind, also inside this one, and texels that are out of range."""
+    """Refuse a texture of another kind, also inside this one, and numbers in it that are out of range."""
     name = texture.class_name()
     if texture.is_spatially_varying() and not name.startswith(TEXTURES):
         raise SceneError(f"{what} is a texture of class {name}; allowed are checkerboard, bitmap and constant colours")
@@ -155,6 +156,12 @@ def _check_texture(graph: SceneGraph, texture: Any, what: str, most: float) -> N
     texels = np.array(graph.value(texture, "data")) if "data" in node.values else np.zeros(1)
     if texels.dtype != np.uint8 and not np.all((texels >= 0) & (texels <= most)):  # a NaN is in no range
         raise SceneError(f"{what} has texels out of range; allowed is from 0 to {most:g}")
+    if "to_uv" in node.values:
+        to_uv = to_uv_of(graph, texture)
+        if not np.all(np.isfinite(to_uv)):
+            raise SceneError(f"{what} has a to_uv that is not finite; every number of it must be")
+        if "data" in node.values and np.linalg.det(to_uv) == 0:
+            raise SceneError(f"{what} has a bitmap whose to_uv is singular; it must be invertible")
     for inner in node.children.values():
         _check_texture(graph, inner, what, most)
 

@@ -14,7 +14,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_whitted.bitmaps import bitmap_of
+from mitsuba_whitted.bitmaps import bitmap_of, to_uv_of
 from mitsuba_whitted.scene_graph import SceneGraph, Stamp, number
 from mitsuba_whitted.tables import double_column, fetch, index_column, stored
 
@@ -67,11 +67,6 @@ class Textures:
         Knows the textures inside textures.
     roots : list of Texture
         ``roots[i]`` becomes number ``numbers[i]``; number 0 is none.
-
-    Raises
-    ------
-    SceneError
-        If the to_uv of a bitmap cannot be inverted.
     """
 
     def __init__(self, graph: SceneGraph, roots: list[mi.Texture]) -> None:
@@ -153,7 +148,7 @@ class Textures:
             self._texels.append(np.array([(colour * self._channels)[: self._channels]]))
             return _Row(_ANYWHERE, first=first)
         graph = self._graph
-        to_uv = np.array(graph.value(texture, "to_uv").matrix, float).reshape(3, 3)[:2]
+        to_uv = to_uv_of(graph, texture)[:2]
         if is_checkerboard(texture):
             one, other = (self._number_of(graph.child(texture, name)) for name in ("color0", "color1"))
             return _Row(to_uv, squares=(one, other))

@@ -3,9 +3,9 @@
     python -m whitted_validation.random_scenes [--count 200] [--first 0] [--keep DIR]
 
 judges scenes of consecutive seeds, prints each pixel that is far off with its reason, and how often each feature
-occurred, counts what is far off, and ends with 1 if a pixel is unexplained. A scene with such a pixel is cut down to the smallest that has
-one, which is printed. Every second scene is built of contacts: bodies that touch, stand on the floor or lie within
-each other.
+occurred, counts what is far off, and ends with 1 if a pixel is unexplained. A scene with such a pixel is cut down to
+the smallest that has one, which is printed. Every second scene is built of contacts: bodies that touch, stand on the
+floor or lie within each other.
 """
 
 from __future__ import annotations
