@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from mitsuba_whitted.errors import SceneError
+from mitsuba_whitted.materials import Materials
+from mitsuba_whitted.scene_graph import SceneGraph
 
 NAN, INFINITE = float("nan"), float("inf")
 HALF = '<bsdf type="blinnphong" id="half"/>'
@@ -105,8 +107,9 @@ def test_textures_that_are_nowhere_are_refused(llvm_ad_rgb, kind, to_uv, says):
     if kind == "bitmap":
         texture["bitmap"] = mi.Bitmap(np.zeros((2, 2, 3), np.float32))
     bsdf = {"type": "blinnphong", "diffuse_reflectance": texture, "id": "paint"}
+    scene = mi.load_dict({"type": "scene", "ball": {"type": "sphere", "bsdf": bsdf}})
     with pytest.raises(SceneError, match=f"`paint`.*diffuse reflectance has a {says}"):
-        drawn(("ball", {"type": "sphere", "bsdf": bsdf}))
+        Materials(SceneGraph(scene))
 
 
 # --------------------------------------------------------------------------------------------------------- shapes
