@@ -35,6 +35,7 @@ SOLIDS = ("sphere", "rectangle", "disk", "cylinder", "cube", "obj", "ply", "poly
 MESHES = {"obj": ("icosahedron", "octahedron", "tetrahedron", "dodecahedron", "cube"), "ply": ("vase",)}
 TEXTURES = ("tile", "planet")
 FAR_OFF = 1e-4  # an error that an eye may see; a pixel that far off is printed, whatever its verdict
+ULP = 2.0**-23  # spacing of float32 above 1
 ROUND = ("sphere", "cylinder")  # no unequal scale, no shear
 # What a scene of balls and triangles alone lacks; rectangles and cubes are triangles.
 OTHERS = ("cylinder", "disk", "polygon", "instance")
@@ -363,7 +364,11 @@ def main(count: int, first: int, keep: str | None) -> None:
             f"{what}: {far} of {part.size} pixels off by more than {FAR_OFF:g}, "
             f"{1e5 * far / max(part.size, 1):.2g} per 100,000"
         )
-    click.echo(f"median error {np.median(off) / 2.0**-23:.2g} ulp of 1.0")
+    wrong = off[off > 0]  # not black or sky to the last bit
+    click.echo(
+        f"median error {np.median(off) / ULP:.2g} ulp of 1.0; of the {wrong.size / off.size:.0%} of pixels that are "
+        f"off at all {np.median(wrong) / ULP if wrong.size else 0:.2g}"
+    )
     click.echo(f"{count} scenes, pixels: {dict(totals)}; scenes with unexplained pixels: {bad or 'none'}")
     sys.exit(1 if bad else 0)
 
