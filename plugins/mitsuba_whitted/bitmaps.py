@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -13,18 +14,26 @@ from numpy.typing import NDArray
 from mitsuba_whitted.scene_graph import SceneGraph, number
 from mitsuba_whitted.tables import opaque
 
-PAD_MODES = {"repeat": "wrap", "mirror": "symmetric", "clamp": "edge"}
-"""How numpy calls what Mitsuba's wrap modes do."""
+Texels = NDArray[Any]
+
+ROWS_AT_ONCE = 64
+"""Rows of a picture that are looked at before the next are."""
 
 
 class Bitmap(NamedTuple):
     """What a bitmap texture is made of."""
 
-    texels: NDArray[np.float64]
-    """(height, width, 1 or 3), linear."""
+    stored: Texels
+    """(height, width, 1 or 3), bytes or numbers."""
+    srgb: bool
+    """Whether bytes are sRGB."""
     wrap: str
     """`repeat`, `mirror` or `clamp`."""
     bilinear: bool
+
+    def colours(self) -> NDArray[np.float32]:
+        """Give the linear values of all texels, (height width, channels)."""
+        return _linear(self.stored, self.srgb).astype(np.float32, copy=False).reshape(-1, self.stored.shape[2])
 
 
 class _Probe(NamedTuple):
@@ -33,33 +42,32 @@ class _Probe(NamedTuple):
     x: float
     """Place, in texels."""
     y: float
-    answers: dict[str, NDArray[np.float64]]
+    answers: dict[str, NDArray[Any]]
 
 
 def bitmap_of(graph: SceneGraph, texture: mi.Texture) -> Bitmap:
     """Read a bitmap.
 
     Mitsuba tells its texels and nothing else: not the wrap mode, nor the filter, nor whether bytes are sRGB. These
-    are found by asking the texture for its colour where the answers differ most. Where none differ, any will do.
+    are found by asking the texture for its colour where the answers differ. Where none differ, any will do.
     Its to_uv must be invertible.
     """
     stored = np.array(graph.value(texture, "data"))
+    height, width, channels = stored.shape
     to_uv = to_uv_of(graph, texture)
 
-    def said(probes: list[_Probe]) -> str:
+    def said(probes: Iterator[_Probe]) -> str:
         off: dict[str, float] = {}
         for probe in probes:
-            height, width = stored.shape[:2]
             u, v, _ = np.linalg.solve(to_uv, [probe.x / width, probe.y / height, 1])
-            colour = _colour(texture, u, v, stored.shape[2])
+            colour = _colour(texture, u, v, channels)
             for answer, expected in probe.answers.items():
                 off[answer] = off.get(answer, 0.0) + float(np.abs(colour - expected).sum())
         return min(off, key=lambda answer: off[answer])
 
-    texels = stored.astype(float)
-    if stored.dtype == np.uint8:
-        texels = _decoded(stored, said([_encoding_probe(stored)]) == "sRGB")
-    return Bitmap(texels, said(list(_wrap_probes(texels))), said(list(_filter_probes(texels))) == "bilinear")
+    srgb = stored.dtype == np.uint8 and said(_encoding_probes(stored)) == "sRGB"
+    wrap = said(_wrap_probes(stored, srgb))
+    return Bitmap(stored, srgb, wrap, said(_filter_probes(stored, srgb)) == "bilinear")
 
 
 def to_uv_of(graph: SceneGraph, texture: mi.Texture) -> NDArray[np.float64]:
@@ -67,46 +75,67 @@ def to_uv_of(graph: SceneGraph, texture: mi.Texture) -> NDArray[np.float64]:
     return np.array(graph.value(texture, "to_uv").matrix, float).reshape(3, 3)
 
 
-def _decoded(stored: NDArray[np.uint8], srgb: bool) -> NDArray[np.float64]:
-    """Linear values of bytes (IEC 61966-2-1)."""
+def _linear(stored: Texels, srgb: bool) -> Texels:
+    """Linear values of bytes (IEC 61966-2-1), rounded once; other numbers are linear."""
+    if stored.dtype != np.uint8:
+        return stored
     x = np.arange(256) / 255
     table = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4) if srgb else x
-    values: NDArray[np.float64] = table[stored]
+    values: Texels = table.astype(np.float32)[stored]
     return values
 
 
-def _encoding_probe(stored: NDArray[np.uint8]) -> _Probe:
+def _encoding_probes(stored: Texels) -> Iterator[_Probe]:
     """Ask at a texel of middling value; those of 0 and 255 are the same either way."""
-    row, column = _place_of_most(-np.abs(stored.astype(int) - 128))
-    linear, srgb = (_decoded(stored[row, column], srgb) for srgb in (False, True))
-    return _Probe(column + 0.5, row + 0.5, {"linear": linear, "sRGB": srgb})
+    row, column = _place_of_most(lambda rows: 128 - np.abs(stored[rows].astype(np.int16) - 128), len(stored), 64)
+    texel = stored[row, column]
+    yield _Probe(column + 0.5, row + 0.5, {"linear": _linear(texel, False), "sRGB": _linear(texel, True)})
 
 
-def _filter_probes(texels: NDArray[np.float64]) -> Any:
-    """Ask between a texel and the next, right or above, where the two differ most."""
+def _filter_probes(stored: Texels, srgb: bool) -> Iterator[_Probe]:
+    """Ask between a texel and the next, right or above, where the two differ."""
     for right in (True, False):
-        here, there = (texels[:, :-1], texels[:, 1:]) if right else (texels[:-1], texels[1:])
-        row, column = _place_of_most(np.abs(there - here))
-        nearest, other = here[row, column], there[row, column]
+        here, there = (stored[:, :-1], stored[:, 1:]) if right else (stored[:-1], stored[1:])
+        row, column = _place_of_difference(here, there)
+        nearest, other = _linear(here[row, column], srgb), _linear(there[row, column], srgb)
         x, y = column + 0.5, row + 0.5
         off = 3 / 8  # of the way to the next centre: still the nearest texel
         answers = {"nearest": nearest, "bilinear": nearest + off * (other - nearest)}
         yield _Probe(x + off * right, y + off * (not right), answers)
 
 
-def _wrap_probes(texels: NDArray[np.float64]) -> Any:
-    """Ask in the period to the right and in that above, where two wrap modes differ most."""
-    height, width = texels.shape[:2]
-    for pad in ([(0, 0), (0, width), (0, 0)], [(0, height), (0, 0), (0, 0)]):
-        continued = {wrap: np.pad(texels, pad, mode) for wrap, mode in PAD_MODES.items()}  # type: ignore[call-overload]
+def _wrap_probes(stored: Texels, srgb: bool) -> Iterator[_Probe]:
+    """Ask in the period to the right and in that above, where two wrap modes differ."""
+    height, width = stored.shape[:2]
+    right = {"repeat": stored, "mirror": stored[:, ::-1], "clamp": np.broadcast_to(stored[:, -1:], stored.shape)}
+    above = {"repeat": stored, "mirror": stored[::-1], "clamp": np.broadcast_to(stored[-1:], stored.shape)}
+    for continued, x, y in ((right, width, 0), (above, 0, height)):
         for one, other in itertools.combinations(continued.values(), 2):
-            row, column = _place_of_most(np.abs(one - other))
-            yield _Probe(column + 0.5, row + 0.5, {wrap: texel[row, column] for wrap, texel in continued.items()})
+            row, column = _place_of_difference(one, other)
+            answers = {wrap: _linear(texels[row, column], srgb) for wrap, texels in continued.items()}
+            yield _Probe(x + column + 0.5, y + row + 0.5, answers)
 
 
-def _place_of_most(differences: NDArray[Any]) -> tuple[int, int]:
-    row, column = divmod(int(differences.max(axis=2).argmax()), differences.shape[1])
-    return row, column
+def _place_of_difference(one: Texels, other: Texels) -> tuple[int, int]:
+    """Find where two pictures differ by an eighth of the greatest value, or else the most."""
+
+    def differences(rows: slice) -> NDArray[np.float32]:
+        return np.abs(one[rows].astype(np.float32) - other[rows].astype(np.float32))
+
+    return _place_of_most(differences, len(one), float(one.max()) / 8)
+
+
+def _place_of_most(score: Callable[[slice], NDArray[Any]], height: int, enough: float) -> tuple[int, int]:
+    """Find the texel with the greatest score, or in the first rows that have one, one with enough."""
+    best, place = -np.inf, (0, 0)
+    for start in range(0, height, ROWS_AT_ONCE):
+        scores = score(slice(start, start + ROWS_AT_ONCE)).max(axis=2)
+        row, column = divmod(int(scores.argmax()), scores.shape[1])
+        if scores[row, column] > best:
+            best, place = scores[row, column], (start + row, column)
+        if best >= enough:
+            break
+    return place
 
 
 def _colour(texture: mi.Texture, u: float, v: float, channels: int) -> NDArray[np.float64]:

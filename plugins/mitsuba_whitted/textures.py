@@ -73,7 +73,7 @@ class Textures:
         self._graph = graph
         self._channels = dr.size_v(mi.Spectrum)
         self._rows = [_Row(_ANYWHERE)]
-        self._texels = [np.zeros((1, self._channels))]
+        self._texels = [np.zeros((1, self._channels), np.float32)]
         self._known: dict[mi.Texture, int] = {}
         self.numbers = [self._number_of(texture) for texture in roots]
         self.stamp: Stamp = graph.stamp(self._known)
@@ -82,7 +82,8 @@ class Textures:
         self._across = double_column([*row.to_uv[0], row.size[0]] for row in rows)
         self._up = double_column([*row.to_uv[1], row.size[1]] for row in rows)
         self._what = index_column([*row.squares, row.first, row.flags] for row in rows)
-        self._colours = stored(np.concatenate(self._texels).astype(np.float32))
+        self._colours = stored(np.concatenate(self._texels))
+        self._texels.clear()
         # What no texture has is left out of kernels.
         self._nesting = max(self._depth(number) for number in self.numbers)
         self._pictures = any(row.size != (1, 1) for row in rows)
@@ -145,7 +146,7 @@ class Textures:
         colour = constant(texture)
         first = sum(map(len, self._texels))
         if colour is not None:
-            self._texels.append(np.array([(colour * self._channels)[: self._channels]]))
+            self._texels.append(np.array([(colour * self._channels)[: self._channels]], np.float32))
             return _Row(_ANYWHERE, first=first)
         graph = self._graph
         to_uv = to_uv_of(graph, texture)[:2]
@@ -153,11 +154,11 @@ class Textures:
             one, other = (self._number_of(graph.child(texture, name)) for name in ("color0", "color1"))
             return _Row(to_uv, squares=(one, other))
         bitmap = bitmap_of(graph, texture)
-        height, width, channels = bitmap.texels.shape
-        texels = bitmap.texels.reshape(-1, channels)
+        height, width, channels = bitmap.stored.shape
+        colours = bitmap.colours()
         if channels > self._channels:
-            texels = texels @ LUMINANCE.astype(float)
-        self._texels.append(np.broadcast_to(texels, (len(texels), self._channels)))
+            colours = (colours.astype(float) @ LUMINANCE).astype(np.float32)
+        self._texels.append(np.broadcast_to(colours, (len(colours), self._channels)))
         flags = _BILINEAR * bitmap.bilinear + _MIRROR * (bitmap.wrap == "mirror") + _CLAMP * (bitmap.wrap == "clamp")
         return _Row(to_uv, first=first, size=(width, height), flags=flags)
 

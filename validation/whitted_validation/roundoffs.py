@@ -64,9 +64,9 @@ IRRADIANCE = 10 * U
 TERM = 5 * U
 # exp2(p log2(1 - y)): the chord carries its own roundings (see below), exp2 and log2 two each.
 POWER = 4 * U
-# A colour from a picture: texels are rounded (1), and along both axes the weight, the difference of two of them and
-# their sum (6); relative to 1.
-TEXEL = 7 * U
+# A colour from a picture: texels are rounded (1), and so is the luminance that may stand for them (1); along both axes
+# the weight, the difference of two texels and their sum (6); relative to 1.
+TEXEL = 8 * U
 # --- searches
 # Offset of a ray's start from its surface, in units of the surface's distance from the origin along n, or of what
 # a triangle's plane is off that a search makes of its edges: twice the 4 u |e_j f_k| of each product in e x f.
