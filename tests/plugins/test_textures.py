@@ -44,8 +44,12 @@ def _places(count: int = 4000) -> np.ndarray:
 
 def _ours(graph: SceneGraph, texture: Any, uv: np.ndarray) -> np.ndarray:
     tables = Textures(graph, [texture])
+    return _looked_up(tables, tables.numbers[0], uv)
+
+
+def _looked_up(tables: Textures, number: int, uv: np.ndarray) -> np.ndarray:
     uv_there = mi.Point2d(*(mi.Float64(values) for values in np.array(uv)))
-    return np.array(tables.at(mi.UInt32(tables.numbers[0]), uv_there, mi.Bool(True)), float)
+    return np.array(tables.at(mi.UInt32(number), uv_there, mi.Bool(True)), float)
 
 
 def _theirs(texture: Any, uv: np.ndarray) -> np.ndarray:
@@ -112,7 +116,7 @@ ALIKE = {
     "the same from right and left": np.broadcast_to(np.array([9, 90, 90, 9])[None, :, None], (3, 4, 3)),
     "the same turned by half": np.arange(9).reshape(3, 3, 1) * np.array([[[20, 28, 28]]]) % 256,
     "black and white": np.indices((4, 4)).sum(axis=0)[:, :, None] % 2 * np.full(3, 255),
-    "one texel": np.pad(np.full((1, 1, 3), 255), ((2, 60), (50, 3), (0, 0))),
+    "one texel": np.pad(np.full((1, 1, 3), 255), ((70, 6), (50, 3), (0, 0))),
 }
 
 
@@ -151,6 +155,35 @@ def test_checkerboards_hold_pictures_and_checkerboards(llvm_ad_rgb: str) -> None
     ours = _ours(graph, texture, uv)
     assert len(np.unique(ours, axis=1).T) == 2 + 16
     assert np.abs(ours - _theirs(texture, uv)).max() <= (11 + 1) * U  # no interpolation
+
+
+def test_textures_of_one_table_keep_their_own_modes(llvm_ad_rgb: str) -> None:
+    modes = [(wrap, kind) for wrap in ("repeat", "mirror", "clamp") for kind in ("nearest", "bilinear")]
+    bodies = {
+        f"lamp{i}": {
+            "type": "rectangle",
+            "emitter": {
+                "type": "area",
+                "radiance": _bitmap(_pixels(3 + i, 9 - i, 3, seed=i), wrap_mode=wrap, filter_type=kind),
+            },
+        }
+        for i, (wrap, kind) in enumerate(modes)
+    }
+    scene = mi.load_dict({"type": "scene", **bodies})
+    graph = SceneGraph(scene)
+    textures = [graph.child(emitter, "radiance") for emitter in scene.emitters()]
+    together = Textures(graph, textures)
+    uv = _places()
+    for number, texture in zip(together.numbers, textures, strict=True):
+        alone = _ours(graph, texture, uv)
+        assert np.array_equal(_looked_up(together, number, uv), alone)
+
+
+def test_a_ray_that_met_nothing_has_no_colour_of_a_texture(scalar_rgb: str) -> None:
+    _scene, texture, graph = _loaded(_bitmap(_pixels(4, 4, 3)))
+    tables = Textures(graph, [texture])
+    nothing = tables.at(tables.numbers[0], mi.Point2d(np.nan, np.inf), False)
+    assert list(nothing) == [0, 0, 0]
 
 
 def test_coordinates_that_are_no_numbers_are_somewhere_in_the_picture(llvm_ad_rgb: str) -> None:
