@@ -119,6 +119,8 @@ class Coefficient:
                     row = [scale * channel for channel in (colour * width)[:width]]
             rows.append(row)
             numbers.append(number)
+        self.varies = [number != 0 for number in numbers]
+        """Whether the entry has a texture."""
         self.present = any(value != 0 for row in rows for value in row)
         self.largest = max(
             (value * (most if i else 1) for row, i in zip(rows, numbers, strict=True) for value in row), default=0.0
@@ -199,6 +201,9 @@ class Materials:
         same = all(material.k_a == material.k_d for material in materials)
         self.k_a = self.k_d if same else coefficient(mi.Spectrum, "k_a", "ambient reflectance", 1)
         self.exponent = coefficient(mi.Float, "exponent", "exponent", MAX_EXPONENT)
+        coefficients = (self.k_d, self.k_s, self.k_m, self.k_a, self.exponent)
+        self.textured = [any(k.varies[row] for k in coefficients for row in rows) for rows in wearing]
+        """Whether each shape wears a texture."""
 
     def squares(self, material: Any, uv: Any, active: Any) -> Iterator[Any]:
         """Tell the squares of all checkerboards and bitmaps in row `material` apart."""

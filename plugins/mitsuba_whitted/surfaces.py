@@ -49,6 +49,8 @@ class Surfaces:
         origins = [self.centre] * len(graph.plain) + [np.zeros(3)] * (len(shapes) - len(graph.plain))
         rows = [row_of(graph, shape, origin) for shape, origin in zip(shapes, origins, strict=True)]
         self.kinds = {row.kind for row in rows}
+        self.textured = self.kinds
+        """Kinds of which some shape wears a texture: the others need no coordinates."""
         self.rows = rows
         few = few_of(rows, bool(graph.instances))
         self.few = Few({number: rows[number] for number in few})
@@ -134,12 +136,12 @@ class Surfaces:
                 p = dr.select(kind == float(Kind.CYLINDER), mi.Point3d(on_cylinder), p)
                 n = dr.select(kind == float(Kind.CYLINDER), mi.Normal3d(outward), n)
                 n_g = dr.select(kind == float(Kind.CYLINDER), mi.Normal3d(outward), n_g)
-            if with_uv:
+            if with_uv and self.textured - {Kind.MESH}:
                 uv = self._texture_coordinates(kind, p - a, shape, valid)
 
         if Kind.MESH in self.kinds:
             here = valid & (kind == float(Kind.MESH))
-            on_mesh = self.meshes.hit(found.face, o, d, shape, with_uv, here)
+            on_mesh = self.meshes.hit(found.face, o, d, shape, with_uv and Kind.MESH in self.textured, here)
             p = dr.select(here, on_mesh.p, p)
             n = dr.select(here, on_mesh.n, n)
             n_g = dr.select(here, on_mesh.n_g, n_g)
@@ -160,14 +162,17 @@ class Surfaces:
         """Mitsuba's (u, v) of its analytic shapes, from a vector off the image of their local origin."""
         x, y, z = (dr.dot(fetch(mi.Vector3d, self._to_local, 3 * shape + i, active), off_origin) for i in range(3))
         uv = mi.Point2d(dr.fma(x, 0.5, 0.5), dr.fma(y, 0.5, 0.5))  # rectangle
-        if self.kinds - {Kind.RECTANGLE, Kind.MESH}:
+        if self.textured - {Kind.RECTANGLE, Kind.MESH}:
             turn = dr.atan2(y, x) * (0.5 / dr.pi)
             turn = dr.select(turn < 0, turn + 1, turn)
             radius = dr.sqrt(x * x + y * y)
-            uv = dr.select(kind == float(Kind.DISK), mi.Point2d(radius, turn), uv)
-            uv = dr.select(kind == float(Kind.CYLINDER), mi.Point2d(turn, z), uv)
-            polar = dr.atan2(radius, z) * (1 / dr.pi)
-            uv = dr.select(kind == float(Kind.SPHERE), mi.Point2d(turn, polar), uv)
+            if Kind.DISK in self.textured:
+                uv = dr.select(kind == float(Kind.DISK), mi.Point2d(radius, turn), uv)
+            if Kind.CYLINDER in self.textured:
+                uv = dr.select(kind == float(Kind.CYLINDER), mi.Point2d(turn, z), uv)
+            if Kind.SPHERE in self.textured:
+                polar = dr.atan2(radius, z) * (1 / dr.pi)
+                uv = dr.select(kind == float(Kind.SPHERE), mi.Point2d(turn, polar), uv)
         return uv
 
 
