@@ -214,3 +214,10 @@ def test_a_round_surface_seen_from_outside_faces_whoever_sees_it(llvm_ad_rgb: st
     assert 1000 < met.sum() < count
     # Two thirds of the tube's rays come from outside; the others leave it through an open end.
     assert (np.array(dr.dot(hit.n, any_ray(ray, mi.Vector3f(0)).d))[met] < 0).all()
+
+
+def test_an_arc_tangent_in_double_is_off_by_eight_roundings_at_most(llvm_ad_rgb: str) -> None:
+    # What the rounding model takes Dr.Jit's polynomial for, that of numpy included.
+    y, x = np.random.default_rng(0).normal(size=(2, 1_000_000))
+    ours, exact = np.array(dr.atan2(mi.Float64(y), mi.Float64(x))), np.arctan2(y, x)
+    assert np.abs(ours / exact - 1).max() <= 8 * V
