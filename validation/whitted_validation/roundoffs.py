@@ -31,7 +31,7 @@ SPHERE_DISTANCE = 8.5 * V
 REFLECTED = 17 * V
 # The place in a spot light's cone: three dot products with rounded rows (4), root 3; relative to |M^-1|.
 CONE_PLACE = 7 * V
-# An arc tangent, relative to the angle, by Dr.Jit's polynomial: more than a million random ones show, which a test asks.
+# An arc tangent by Dr.Jit's polynomial, relative to the angle; a test shows that.
 ARC_TANGENT = 8 * V
 # A point brought through a matrix: matrix 1, dot product 3, sum 1 (and the same for a direction, plus its length 3).
 PLACED = 8 * V
