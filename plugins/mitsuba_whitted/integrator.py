@@ -16,10 +16,10 @@ from mitsuba_whitted import film
 from mitsuba_whitted.camera import Camera, any_ray
 from mitsuba_whitted.errors import SceneError
 from mitsuba_whitted.explain import explain
-from mitsuba_whitted.materials import constant
 from mitsuba_whitted.plan import Plan, plan_of
 from mitsuba_whitted.seen import PixelSeen
 from mitsuba_whitted.stage import MIRRORS_SHARE, Settings, Stage
+from mitsuba_whitted.textures import constant
 from mitsuba_whitted.trace import Traced, trace
 
 MOST_SAMPLES = 1 << 16

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from mitsuba_whitted import precise
 from mitsuba_whitted.errors import SceneError
-from mitsuba_whitted.materials import constant
 from mitsuba_whitted.scene_graph import SceneGraph, number
 from mitsuba_whitted.tables import column, double_column, fetch, opaque
+from mitsuba_whitted.textures import constant
 from mitsuba_whitted.transforms import matrix_of
 
 UNROLL = 16

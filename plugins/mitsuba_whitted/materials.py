@@ -11,10 +11,12 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from mitsuba_whitted.bitmaps import to_uv_of
 from mitsuba_whitted.blinn_phong import MAX_EXPONENT, PARAMETERS
 from mitsuba_whitted.errors import SceneError
-from mitsuba_whitted.scene_graph import SceneGraph, number
+from mitsuba_whitted.scene_graph import SceneGraph
 from mitsuba_whitted.tables import column, fetch, index_column
+from mitsuba_whitted.textures import constant, textures_of
 
 TEXTURES = ("BitmapTexture", "Checkerboard")
 """Beginnings of the class names of textures that depend on (u, v) alone; constant ones are allowed besides."""
@@ -74,14 +76,6 @@ def _is_plain_mirror(graph: SceneGraph, conductor: mi.BSDF) -> bool:
     return eta is not None and k is not None and set(eta) == {0.0} and set(k) == {1.0}
 
 
-def constant(texture: mi.Texture) -> list[float] | None:
-    """Colour of a texture that is the same everywhere, a number a channel; None where it is not."""
-    if texture.is_spatially_varying():
-        return None
-    value = texture.eval(dr.zeros(mi.SurfaceInteraction3f))
-    return [number(channel) for channel in value]
-
-
 class Coefficient:
     """One coefficient of all materials: a table of numbers, and the textures that scale some of them.
 
@@ -115,7 +109,7 @@ class Coefficient:
         most: float,
         order: NDArray[np.int_] | None = None,
     ) -> None:
-        self._graph, self._kind, self._most = graph, kind, most
+        self._kind, self._most = kind, most
         width = 1 if kind is mi.Float else dr.size_v(kind)
         self.textures: list[mi.Texture] = []
         rows, numbers = [], []
@@ -125,56 +119,48 @@ class Coefficient:
                 texture, scale = scaled
                 colour = constant(texture)
                 if colour is None:
-                    row, number = [scale] * width, self._number_of(graph, texture, owner, what)
+                    _check_texture(graph, texture, f"{owner}: {what}", most)
+                    if texture not in self.textures:
+                        self.textures.append(texture)
+                    row, number = [scale] * width, 1 + self.textures.index(texture)
                 else:
                     _refuse_out_of_range(owner, colour, what, most)
                     row = [scale * channel for channel in (colour * width)[:width]]
             rows.append(row)
-            numbers.append([number])
+            numbers.append(number)
+        self.varies = [number != 0 for number in numbers]
+        """Whether the entry has a texture."""
         self.present = any(value != 0 for row in rows for value in row)
         self.largest = max(
-            (value * (most if i else 1) for row, [i] in zip(rows, numbers, strict=True) for value in row), default=0.0
+            (value * (most if i else 1) for row, i in zip(rows, numbers, strict=True) for value in row), default=0.0
         )
         in_order = slice(None) if order is None else order
         self._rows = column(np.array(rows)[in_order])
-        self._numbers = index_column(np.array(numbers)[in_order])
+        if self.textures:
+            self._tables = textures_of(graph, self.textures)
+            rows_there = np.array([0, *self._tables.numbers])
+            self._numbers = index_column(rows_there[np.array(numbers)[in_order]][:, None])
 
-    def at(self, material: Any, si: Any, active: Any) -> Any:
-        """Value for the row `material` at the surface point `si`, which only textures look at."""
+    def at(self, material: Any, uv: Any, active: Any) -> Any:
+        """Value for the row `material` at the surface coordinates `uv`, which only textures look at."""
         value = fetch(self._kind, self._rows, material, active)
         if self.textures:
             number = fetch(mi.UInt32, self._numbers, material, active)
-            for i, texture in enumerate(self.textures):
-                here = active & (number == i + 1)
-                factor: Any = texture.eval(si, here)
-                if self._kind is mi.Float:
-                    factor = dr.clip(factor[0], 0, self._most)  # not eval_1(): a checkerboard swaps its colours there
-                value = dr.select(here, value * factor, value)
+            here = active & (number != 0)
+            factor: Any = self._tables.at(number, uv, here)
+            if self._kind is mi.Float:
+                factor = dr.clip(factor[0], 0, self._most)
+            value = dr.select(here, value * factor, value)
         return value
 
     def squares(self, material: Any, uv: Any, active: Any) -> Iterator[Any]:
-        """Tell the squares of checkerboards and the texels of bitmaps apart: the column and the row of the one at `uv`.
-
-        Texels are counted by halves: a bitmap steps where they meet, or bends in the middle of each.
-        """
-        number = fetch(mi.UInt32, self._numbers, material, active) if self.textures else None
-        for i, texture in enumerate(self.textures):
-            periods = (1, 1) if texture.class_name().startswith("Checkerboard") else texture.resolution()
-            to_uv = np.array(self._graph.value(texture, "to_uv").matrix, float).reshape(3, 3)
-            here = active & (number == i + 1)
-            for (x, y, z), size in zip(to_uv[:2], periods, strict=True):
-                at = 2 * int(size) * dr.fma(uv.x, float(x), dr.fma(uv.y, float(y), float(z)))
-                yield dr.select(here, mi.UInt32(mi.Int32(dr.floor(at))), 0)
-
-    def _number_of(self, graph: SceneGraph, texture: mi.Texture, owner: str, what: str) -> int:
-        _check_texture(graph, texture, f"{owner}: {what}", self._most)
-        if texture not in self.textures:
-            self.textures.append(texture)
-        return self.textures.index(texture) + 1
+        """Tell the squares of checkerboards and the texels of bitmaps apart."""
+        if self.textures:
+            yield from self._tables.squares(fetch(mi.UInt32, self._numbers, material, active), uv, active)
 
 
 def _check_texture(graph: SceneGraph, texture: Any, what: str, most: float) -> None:
-    """Refuse a texture of another kind, also inside this one, and texels that are out of range."""
+    """Refuse a texture of another kind, also inside this one, and numbers in it that are out of range."""
     name = texture.class_name()
     if texture.is_spatially_varying() and not name.startswith(TEXTURES):
         raise SceneError(f"{what} is a texture of class {name}; allowed are checkerboard, bitmap and constant colours")
@@ -182,6 +168,12 @@ def _check_texture(graph: SceneGraph, texture: Any, what: str, most: float) -> N
     texels = np.array(graph.value(texture, "data")) if "data" in node.values else np.zeros(1)
     if texels.dtype != np.uint8 and not np.all((texels >= 0) & (texels <= most)):  # a NaN is in no range
         raise SceneError(f"{what} has texels out of range; allowed is from 0 to {most:g}")
+    if "to_uv" in node.values:
+        to_uv = to_uv_of(graph, texture)
+        if not np.all(np.isfinite(to_uv)):
+            raise SceneError(f"{what} has a to_uv that is not finite; every number of it must be")
+        if "data" in node.values and np.linalg.det(to_uv) == 0:
+            raise SceneError(f"{what} has a bitmap whose to_uv is singular; it must be invertible")
     for inner in node.children.values():
         _check_texture(graph, inner, what, most)
 
@@ -222,6 +214,10 @@ class Materials:
         same = all(material.k_a == material.k_d for material in materials)
         self.k_a = self.k_d if same else coefficient(mi.Spectrum, "k_a", "ambient reflectance", 1)
         self.exponent = coefficient(mi.Float, "exponent", "exponent", MAX_EXPONENT)
+        coefficients = (self.k_d, self.k_s, self.k_m, self.k_a, self.exponent)
+        varies = {id(m): any(k.varies[number] for k in coefficients) for number, m in enumerate(materials)}
+        self.textured = [any(varies[id(side)] for side in pair if side) for pair in worn]
+        """Whether each shape wears a texture."""
 
     def squares(self, material: Any, uv: Any, active: Any) -> Iterator[Any]:
         """Tell the squares of all checkerboards and bitmaps in row `material` apart."""

@@ -76,7 +76,7 @@ class Meshes:
         n_g = mi.Normal3d(plane.xyz)
         v0 = self._vertex(corner.x, active)
         w = mi.Vector3d(precise.plane_point(o - v0, d, n_g))
-        n, uv = n_g, mi.Point2f(0)
+        n, uv = n_g, mi.Point2d(0)
 
         if self.smooth or with_uv:
             v1, v2 = self._vertex(corner.y, active), self._vertex(corner.z, active)
@@ -86,10 +86,9 @@ class Meshes:
             smooth = mi.Normal3d(_interpolate(beta, gamma, *n_i))
             n = dr.select((flags & _SMOOTH) != 0, smooth, n)
         if with_uv:
-            beta, gamma = mi.Float(beta), mi.Float(gamma)
-            uv = mi.Point2f(beta, gamma)
+            uv = mi.Point2d(beta, gamma)
             if self._has_texcoords:
-                uv_i = [fetch(mi.Point2f, self._texcoords, corner[i], active) for i in range(3)]
+                uv_i = [mi.Point2d(fetch(mi.Point2f, self._texcoords, corner[i], active)) for i in range(3)]
                 uv = dr.select((flags & _TEXCOORDS) != 0, _interpolate(beta, gamma, *uv_i), uv)
         sign = dr.select((flags & _FLIPPED) != 0, mi.Float64(-1), mi.Float64(1))
         reach = mi.Vector3f(plane.w * dr.abs(n_g))  # sum |n_i| reach_i = plane.w

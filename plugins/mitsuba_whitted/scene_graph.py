@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -56,6 +57,8 @@ class SceneGraph:
         """Every shape that a ray can meet: a group that no instance places is not drawn."""
         self.bsdfs = [shape.bsdf() for shape in self.all_shapes]
 
+        self.kept: dict[Any, Any] = {}
+        """What others have made of these objects, and may use again."""
         self._shape_values = self._values_of(lambda owner: isinstance(owner, mi.Shape))
         self._other_values = self._values_of(lambda owner: not isinstance(owner, mi.Shape))
 
@@ -82,6 +85,11 @@ class SceneGraph:
     def appearance_stamp(self) -> Stamp:
         """Note the present values of all materials, textures and emitters."""
         return Stamp(self._other_values)
+
+    def stamp(self, owners: Iterable[mi.Object]) -> Stamp:
+        """Note the present values of some objects."""
+        chosen = set(owners)
+        return Stamp(self._values_of(lambda owner: owner in chosen))
 
     def _groups_of_instances(self) -> dict[mi.Object, Any]:
         """Find the group of each instance, which Mitsuba does not tell: by whom the group's first shape is met."""
@@ -134,10 +142,10 @@ class Stamp:
 
     def __init__(self, places: list[tuple[Any, Any, mi.Object]]) -> None:
         values = [read(*place) for place in places]
-        plain = [isinstance(value, (bool, int, float)) for value in values]
-        self._live = [value for value, is_plain in zip(values, plain, strict=True) if not is_plain]
+        plain = [_plain(value) for value in values]
+        self._live = [value for value, known in zip(values, plain, strict=True) if known is None]
         """Dr.Jit's own objects, as their owners hold them: an edit shows in them."""
-        self._numbers_at = [place for place, is_plain in zip(places, plain, strict=True) if is_plain]
+        self._numbers_at = [place for place, known in zip(places, plain, strict=True) if known is not None]
         self._numbers = self._read_numbers()
         self._held = dr.copy(self._live)
         self._indices = dr.detail.collect_indices(self._held)
@@ -149,7 +157,15 @@ class Stamp:
         return dr.detail.collect_indices(self._live) == self._indices and self._read_numbers() == self._numbers
 
     def _read_numbers(self) -> list[Any]:
-        return [read(*place) for place in self._numbers_at]
+        return [_plain(read(*place)) for place in self._numbers_at]
+
+
+def _plain(value: Any) -> Any:
+    """Give a value that is no array of Dr.Jit in a form that an edit does not change; None if it is one."""
+    if isinstance(value, (bool, int, float)):
+        return value
+    matrix = getattr(value, "matrix", None)
+    return None if matrix is None or dr.is_jit_v(matrix) else np.array(matrix).tolist()
 
 
 def recorder(node: Node) -> mi.TraversalCallback:

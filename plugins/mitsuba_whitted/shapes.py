@@ -55,7 +55,7 @@ class Row(NamedTuple):
     """-1 where the normal of the formula points to the back."""
     reach: Vector
     to_local: NDArray[Any]
-    """Linear part of the inverse of to_world, (3, 3): texture coordinates come from it."""
+    """From a vector off M 0 to local coordinates, (3, 3): texture coordinates come of them."""
 
 
 def row_of(graph: SceneGraph, shape: mi.Shape, centre: Vector) -> Row:
@@ -85,7 +85,6 @@ def row_of(graph: SceneGraph, shape: mi.Shape, centre: Vector) -> Row:
     to_world = graph.value(shape, "to_world")
     matrix = matrix_of(to_world, f"shape `{shape.id()}`", _PLACED_BY.get(kind, "to_world"))
     linear, origin = matrix[:3, :3], matrix[:3, 3] - centre
-    to_local: NDArray[Any] = np.linalg.inv(linear)
 
     radius = _single_length(linear[:, 0]) if kind == Kind.SPHERE else float(np.linalg.norm(linear[:, 0]))
     normal = linear[:, 2]
@@ -96,7 +95,23 @@ def row_of(graph: SceneGraph, shape: mi.Shape, centre: Vector) -> Row:
     if kind == Kind.CYLINDER and np.linalg.det(linear) < 0:
         flipped = -flipped  # Mitsuba notes the mirror as a flip, to keep the normal outward
     plane = np.cross(linear[:, 0], linear[:, 1]) * np.sign(np.linalg.det(linear))
-    return Row(kind, origin, _unit(normal), _unit(plane), radius, flipped, reach, to_local)
+    return Row(kind, origin, _unit(normal), _unit(plane), radius, flipped, reach, _to_local(kind, linear))
+
+
+def _to_local(kind: Kind, linear: NDArray[np.float64]) -> NDArray[Any]:
+    """Invert the linear part of to_world; for round shapes up to a factor of x and y, whose angle alone counts.
+
+    Their axes are the columns of M. Rounded to single these are not square to each other to the last bit, so that the
+    inverse would turn them by u.
+    """
+    if kind in PLANES:
+        inverse: NDArray[Any] = np.linalg.inv(linear)
+        return inverse
+    if kind == Kind.SPHERE:
+        return np.array(linear.T)
+    axis = linear[:, 2]
+    across = linear - np.outer(axis, axis @ linear) / (axis @ axis)
+    return np.array([across[:, 0], across[:, 1], axis / (axis @ axis)])
 
 
 def _unit(v: Vector) -> Vector:

@@ -63,6 +63,7 @@ class Stage:
         self._take(settings)
         self._build_surfaces()
         self._build_appearance()
+        self._find_textured()
         self._find_casters()
         self._limit_throughput()
 
@@ -80,6 +81,7 @@ class Stage:
         if not self._appearance_stamp.is_current() or (self.surfaces.centre != before[1].centre).any():
             self._build_appearance()
         if before != (self.settings, self.surfaces, self.materials):
+            self._find_textured()
             self._find_casters()
             self._limit_throughput()
 
@@ -131,6 +133,10 @@ class Stage:
         radiance = [_radiance(graph, shape) for shape in graph.all_shapes]
         self.emission = Coefficient(graph, mi.Spectrum, radiance, "radiance", LARGEST)
         self.lights_nothing = lights_nothing(graph)
+
+    def _find_textured(self) -> None:
+        wear = zip(self.surfaces.rows, self.materials.textured, self.emission.varies, strict=True)
+        self.surfaces.textured = {row.kind for row, reflects, shines in wear if reflects or shines}
 
     def _find_casters(self) -> None:
         surfaces, few = self.surfaces, self.surfaces.few

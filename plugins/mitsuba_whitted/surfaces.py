@@ -49,6 +49,8 @@ class Surfaces:
         origins = [self.centre] * len(graph.plain) + [np.zeros(3)] * (len(shapes) - len(graph.plain))
         rows = [row_of(graph, shape, origin) for shape, origin in zip(shapes, origins, strict=True)]
         self.kinds = {row.kind for row in rows}
+        self.textured = self.kinds
+        """Kinds of which some shape wears a texture: the others need no coordinates."""
         self.rows = rows
         few = few_of(rows, bool(graph.instances))
         self.few = Few({number: rows[number] for number in few})
@@ -72,7 +74,7 @@ class Surfaces:
         self._balls_beside = len(self._few_planes) == len(planes) and self.kinds <= {*PLANES, Kind.SPHERE}
         """Whether all else are spheres, whose kind and reach need no table either."""
         self._reach_kind = column([*row.reach, row.kind] for row in rows)
-        self._to_local = column(axis for row in rows for axis in row.to_local)
+        self._to_local = double_column(axis for row in rows for axis in row.to_local)
 
         self.meshes = Meshes(graph, shapes, origins)
         self.instances = Instances(graph, self.centre) if graph.instances else None
@@ -125,7 +127,7 @@ class Surfaces:
         a_r = fetch(mi.Vector4d, self._a_r, shape, valid)
         a, r = mi.Point3d(a_r.xyz), a_r.w
         kind, reach = self._kind_and_reach(shape, a, r, valid)
-        p, n, n_g, uv = mi.Point3d(0), mi.Normal3d(0), mi.Normal3d(0), mi.Point2f(0)
+        p, n, n_g, uv = mi.Point3d(0), mi.Normal3d(0), mi.Normal3d(0), mi.Point2d(0)
 
         if self.kinds - {Kind.MESH}:
             b_sign = fetch(mi.Vector4d, self._b_sign, shape, valid)
@@ -146,12 +148,12 @@ class Surfaces:
                 n = dr.select(kind == float(Kind.CYLINDER), mi.Normal3d(outward), n)
                 n_g = dr.select(kind == float(Kind.CYLINDER), mi.Normal3d(outward), n_g)
             p = mi.Point3d(a + off)
-            if with_uv:
-                uv = self._texture_coordinates(kind, mi.Vector3f(off), shape, valid)
+            if with_uv and self.textured - {Kind.MESH}:
+                uv = self._texture_coordinates(kind, off, shape, valid)
 
         if Kind.MESH in self.kinds:
             here = valid & (kind == float(Kind.MESH))
-            on_mesh = self.meshes.hit(found.face, o, d, shape, with_uv, here)
+            on_mesh = self.meshes.hit(found.face, o, d, shape, with_uv and Kind.MESH in self.textured, here)
             p = dr.select(here, on_mesh.p, p)
             n = dr.select(here, on_mesh.n, n)
             n_g = dr.select(here, on_mesh.n_g, n_g)
@@ -192,16 +194,19 @@ class Surfaces:
 
     def _texture_coordinates(self, kind: Any, off_origin: Any, shape: Any, active: Any) -> Any:
         """Mitsuba's (u, v) of its analytic shapes, from a vector off the image of their local origin."""
-        x, y, z = (dr.dot(fetch(mi.Vector3f, self._to_local, 3 * shape + i, active), off_origin) for i in range(3))
-        uv = mi.Point2f(dr.fma(x, 0.5, 0.5), dr.fma(y, 0.5, 0.5))  # rectangle
-        if self.kinds - {Kind.RECTANGLE, Kind.MESH}:
+        x, y, z = (dr.dot(fetch(mi.Vector3d, self._to_local, 3 * shape + i, active), off_origin) for i in range(3))
+        uv = mi.Point2d(dr.fma(x, 0.5, 0.5), dr.fma(y, 0.5, 0.5))  # rectangle
+        if self.textured - {Kind.RECTANGLE, Kind.MESH}:
             turn = dr.atan2(y, x) * (0.5 / dr.pi)
             turn = dr.select(turn < 0, turn + 1, turn)
             radius = dr.sqrt(x * x + y * y)
-            uv = dr.select(kind == float(Kind.DISK), mi.Point2f(radius, turn), uv)
-            uv = dr.select(kind == float(Kind.CYLINDER), mi.Point2f(turn, z), uv)
-            polar = dr.atan2(radius, z) * (1 / dr.pi)
-            uv = dr.select(kind == float(Kind.SPHERE), mi.Point2f(turn, polar), uv)
+            if Kind.DISK in self.textured:
+                uv = dr.select(kind == float(Kind.DISK), mi.Point2d(radius, turn), uv)
+            if Kind.CYLINDER in self.textured:
+                uv = dr.select(kind == float(Kind.CYLINDER), mi.Point2d(turn, z), uv)
+            if Kind.SPHERE in self.textured:
+                polar = dr.atan2(radius, z) * (1 / dr.pi)
+                uv = dr.select(kind == float(Kind.SPHERE), mi.Point2d(turn, polar), uv)
         return uv
 
 

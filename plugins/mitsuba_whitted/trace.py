@@ -192,12 +192,10 @@ class _Surface(NamedTuple):
     """Whether light is reflected here."""
     material: Any
     """Row of the material on this side."""
-    si: Any
-    """As much of Mitsuba's record as a texture reads; None where none is read."""
 
     def coefficient(self, k: Coefficient) -> Any:
         """Look up k_d, k_s, ... here."""
-        return k.at(self.material, self.si, self.lit)
+        return k.at(self.material, self.hit.uv, self.lit)
 
 
 def _surface(stage: Stage, plan: Plan, chain: _Chain, met: Found, found: Any, note: Note) -> _Surface:
@@ -214,10 +212,9 @@ def _surface(stage: Stage, plan: Plan, chain: _Chain, met: Found, found: Any, no
     lit = (in_front | behind) & (chain.k + 1 < stage.max_depth)
     note("surface", met=met, found=found, p=hit.p, n=n, n_g=n_g, facing=in_front | behind, lit=lit)
     material = stage.materials.row_of(hit.shape, behind)
-    si = _surface_interaction(hit) if plan.textured else None
     offset = precise.ray_offset(n_g, hit.reach, stage.surfaces.least_reach) if plan.searched else None
     v = -mi.Vector3f(chain.d)
-    return _Surface(found, hit, n, n_g, v, d_n, offset, in_front, behind, lit, material, si)
+    return _Surface(found, hit, n, n_g, v, d_n, offset, in_front, behind, lit, material)
 
 
 def _shaded(
@@ -233,7 +230,7 @@ def _shaded(
     hit, n, n_g, v = surface.hit, surface.n, surface.n_g, surface.v
     if plan.emission:
         shines = surface.in_front & (chain.k < stage.max_depth)
-        colour = dr.select(shines, stage.emission.at(hit.shape, surface.si, shines), colour)
+        colour = dr.select(shines, stage.emission.at(hit.shape, hit.uv, shines), colour)
         note("emitted", colour=colour)
     if plan.ambient:
         ambient = dr.select(surface.lit, surface.coefficient(stage.materials.k_a) * stage.ambient, 0)
@@ -309,10 +306,3 @@ def _leaving(stage: Stage, plan: Plan, surface: _Surface, d: Any, end: Any) -> R
         return Ray(hit.p, d, mi.Float(0), end, mi.Vector3f(0), hit.shape)
     shift, length = surface.offset
     return Ray(hit.p, d, mi.Float(0), end - length, mi.Vector3f(shift), hit.shape)
-
-
-def _surface_interaction(hit: Hit) -> mi.SurfaceInteraction3f:
-    """As much of Mitsuba's record as a texture reads."""
-    si = dr.zeros(mi.SurfaceInteraction3f)
-    si.p, si.n, si.uv = mi.Point3f(hit.p), mi.Normal3f(hit.n_g), hit.uv
-    return si

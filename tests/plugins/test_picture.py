@@ -4,11 +4,6 @@ The camera stands in the origin and looks along +z, +x to the left. Where a yes 
 shadow's edge), the test first makes sure that no ray of its picture comes near the boundary: `decided`.
 """
 
-import ast
-import re
-import textwrap
-
-import mitsuba as mi
 import numpy as np
 import pytest
 
@@ -82,21 +77,21 @@ def decided(distance, boundary):
 # ------------------------------------------------------------------------------------------------------ lit balls
 @pytest.mark.parametrize("distance", [4.0, 64.0, 1024.0])
 def test_a_lit_ball_is_brightest_where_its_normal_points_to_the_light(any_rgb, see, agree, distance):
-    # The film spans 3 radii. k_d I n.l = 1/2 at most, at the normal l = (1, 2, -2) / 3.
+    # The film spans 3.332 radii, so that no ray is near the silhouette. k_d I n.l = 1/2 at most, where n = l.
     size = 12 if any_rgb == "scalar_rgb" else 48
     centre, light = np.array([0, 0, distance]), np.array([1.0, 2.0, -2.0]) / 3
-    degrees = np.float32(2 * np.degrees(np.arctan(1.5 / distance))).astype(float)  # rounded once, as Mitsuba does
+    degrees = np.float32(2 * np.degrees(np.arctan(1.666 / distance))).astype(float)  # rounded once, as Mitsuba does
     s = (1 - 2 * (np.arange(size) + 0.5) / size) * np.tan(np.radians(degrees) / 2)
     x, y = np.meshgrid(s, s)
     d = unit(np.stack([x, y, np.ones_like(x)], axis=-1))
     picture = see(ball(centre, 1) + sun(light), size=(size, size), sensor=fov(degrees))
 
-    # A ray that is 64 u off moves by 64 u t at the ball, of radius 1: rays so near to the silhouette may miss or hit.
+    # A ray that is 64 u off moves by 64 u t at the ball, of radius 1: so near to the silhouette it may miss or hit.
     moved = 64 * 2.0**-24 * (1 + distance)
     away = miss_distance(0, d, centre)
-    hit, missed = away < 1 - moved, away > 1 + moved
-    assert np.count_nonzero(hit | missed) > 0.99 * hit.size
-    assert np.all(picture[missed] == 0)
+    assert (np.abs(away - 1) > moved).all()  # none does
+    hit = away < 1
+    assert np.all(picture[~hit] == 0)
 
     # t's error of 64 u t along the ray turns the normal by 64 u t / r; and n.l is known to 64 u absolutely.
     d, seen = d[hit], picture[hit]
@@ -415,100 +410,3 @@ def test_switching_terms_off_leaves_lamps_and_background(any_variant, see):
 )
 def test_materials_of_mitsuba_are_those_of_the_model(any_variant, see, agree, bsdf, colour):
     agree(see(wall(4, bsdf) + sun((0, 0, -1), 2) + SKY), colour)
-
-
-# -------------------------------------------------------------------------------------- inside Mitsuba, as others do
-def inside(kind, parameters, size=(4, 4)):
-    film = f"""<film type="hdrfilm"><integer name="width" value="{size[0]}"/><integer name="height" value="{size[1]}"/>
-      <rfilter type="box"/></film>"""
-    return mi.load_string(
-        f"""<scene version="3.0.0"><integrator type="{kind}">{parameters}<integrator type="whitted" id="inner">
-        <float name="ambient" value="0.125"/></integrator></integrator>{fov(90).format(film=film)}
-        {wall(4, SHINY)}{sun((0, 0, -1), 2)}</scene>""",
-        optimize=False,
-    )
-
-
-def test_aov_adds_its_channels_to_the_picture(any_rgb):
-    # Mitsuba sends random rays here; ambient and diffuse are the same for all of them, the highlight is left below 1.
-    scene = inside("aov", '<string name="aovs" value="dist:depth, n:sh_normal"/>')
-    picture = np.array(mi.render(scene, spp=4))
-    assert picture.shape == (4, 4, 7)
-    assert np.all(picture[..., :3] > 0.5 * 0.125 + 0.5 * 2)
-    assert np.all(picture[..., :3] <= 0.5 * 0.125 + 0.5 * 2 + 0.25 * 2)
-    assert np.all(picture[..., 3] >= 4 * (1 - 4 * 2.0**-24))
-    assert np.array_equal(picture[..., 4:], np.broadcast_to([0, 0, -1], (4, 4, 3)))
-
-
-def test_moment_draws_the_picture_ray_by_ray(llvm_ad_rgb):
-    picture = np.array(mi.render(inside("moment", ""), spp=4))
-    first = picture[..., :3]
-    assert np.all(first > 0.5 * 0.125 + 0.5 * 2)
-    assert np.isfinite(picture).all()
-
-
-def test_sample_follows_a_single_ray(llvm_ad_rgb, scene_of):
-    scene = scene_of(wall(4, SHINY) + sun((0, 0, -1), 2) + SKY)
-    sampler = mi.load_dict({"type": "independent"})
-    sampler.seed(0, 2)
-    rays = mi.RayDifferential3f(mi.Ray3f(mi.Point3f(0, [0, 1], 0), mi.Vector3f(0, 0, [4, -1])))  # no unit length needed
-    colour, hit, channels = scene.integrator().sample(scene, sampler, rays)
-    assert np.array_equal(np.array(colour), np.repeat([[1 + 0.5 + 1, 8]], 3, axis=0))
-    assert np.array_equal(np.array(hit), [True, False])
-    assert channels == []
-
-
-def test_a_scene_that_mitsuba_has_merged_is_the_same_picture(any_rgb, tmp_path):
-    floors = "".join(
-        f"""<shape type="rectangle" id="floor{i}"><transform name="to_world"><scale value="-1, 1, -1"/>
-        <translate x="{3 * i - 3}" z="4"/></transform><ref id="shiny"/></shape>"""
-        for i in range(3)
-    )
-    film = """<film type="hdrfilm"><integer name="width" value="8"/><integer name="height" value="8"/>
-      <rfilter type="box"/></film>"""
-    file = tmp_path / "scene.xml"
-    file.write_text(
-        f"""<scene version="3.0.0"><integrator type="whitted"/>{fov(90).format(film=film)}{SHINY}{floors}
-        {sun((0, 0, -1), 2)}{SKY}</scene>"""
-    )
-    merged, plain = mi.load_file(str(file)), mi.load_file(str(file), optimize=False)
-    assert len(merged.shapes()) == 1
-    assert len(plain.shapes()) == 3
-    pictures = [np.array(mi.render(scene, spp=1)) for scene in (merged, plain)]
-    assert np.array_equal(*pictures)
-    assert len(np.unique(pictures[0])) > 2
-
-
-def test_what_no_shape_wears_is_not_looked_at(any_rgb, see):
-    unused = """<bsdf type="dielectric" id="glass"/><bsdf type="roughconductor" id="brushed"/>
-      <texture type="checkerboard" id="board"/><bsdf type="principled" id="paint"/>"""
-    assert np.array_equal(see(wall(4) + sun((0, 0, -1)) + unused), see(wall(4) + sun((0, 0, -1))))
-
-
-# --------------------------------------------------------------------------------------------------- manual page
-def page(scene):
-    return textwrap.dedent(type(scene.integrator()).__doc__)
-
-
-def test_the_manual_pages_xml_loads(any_variant, scene_of):
-    snippet = re.search(r"<integrator.*</integrator>", page(scene_of("")), re.DOTALL)[0]
-    film = '<film type="hdrfilm"><integer name="width" value="1"/><integer name="height" value="1"/></film>'
-    scene = mi.load_string(
-        f'<scene version="3.0.0">{snippet}{fov(90).format(film=film)}{wall(4)}</scene>', optimize=False
-    )
-    assert type(scene.integrator()) is type(scene_of("").integrator())
-    assert np.all(np.array(mi.render(scene)) > 0)  # it sets an ambient light
-
-
-def test_the_manual_pages_dictionary_loads(any_variant, scene_of):
-    snippet = re.search(r"code-tab:: python\n(.*)", page(scene_of("")), re.DOTALL)[1]
-    entries = ast.literal_eval("{" + snippet.strip() + "}")
-    assert entries["type"] == "whitted"
-    integrator = mi.load_dict(entries)
-    assert type(integrator) is type(scene_of("").integrator())
-
-
-def test_the_manual_page_names_every_parameter(llvm_ad_rgb, scene_of):
-    table = page(scene_of(""))
-    for name in ("max_depth", "ambient", "falloff", "epsilon", "hide_emitters", "enable_shadows"):
-        assert name in table

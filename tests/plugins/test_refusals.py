@@ -6,6 +6,10 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from mitsuba_whitted.errors import SceneError
+from mitsuba_whitted.materials import Materials
+from mitsuba_whitted.scene_graph import SceneGraph
+
 NAN, INFINITE = float("nan"), float("inf")
 HALF = '<bsdf type="blinnphong" id="half"/>'
 SPHERE = '<shape type="sphere" id="egg"><transform name="to_world"><translate z="4"/></transform>{bsdf}</shape>'
@@ -88,6 +92,24 @@ def test_diffuse_and_conductor_are_held_to_the_same_range(any_rgb, see):
     for kind, name in (("diffuse", "reflectance"), ("conductor", "specular_reflectance")):
         scene = worn(f'<bsdf type="{kind}" id="odd"><float name="{name}" value="1.5"/></bsdf>')
         refused(see, scene, names=["odd"], says="1.5")
+
+
+@pytest.mark.parametrize(
+    ("kind", "to_uv", "says"),
+    [
+        ("bitmap", [0, 3], "bitmap whose to_uv is singular"),
+        ("bitmap", [np.inf, 3], "to_uv that is not finite"),
+        ("checkerboard", [np.nan, 3], "to_uv that is not finite"),
+    ],
+)
+def test_textures_that_are_nowhere_are_refused(llvm_ad_rgb, kind, to_uv, says):
+    texture = {"type": kind, "to_uv": mi.ScalarTransform3f().scale(to_uv)}
+    if kind == "bitmap":
+        texture["bitmap"] = mi.Bitmap(np.zeros((2, 2, 3), np.float32))
+    bsdf = {"type": "blinnphong", "diffuse_reflectance": texture, "id": "paint"}
+    scene = mi.load_dict({"type": "scene", "ball": {"type": "sphere", "bsdf": bsdf}})
+    with pytest.raises(SceneError, match=f"`paint`.*diffuse reflectance has a {says}"):
+        Materials(SceneGraph(scene))
 
 
 # --------------------------------------------------------------------------------------------------------- shapes

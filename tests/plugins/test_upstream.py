@@ -82,7 +82,7 @@ def test_a_power_of_nan_is_nan(llvm_ad_rgb: str) -> None:
 @pytest.mark.xfail(
     strict=True,
     raises=AssertionError,
-    reason="checkerboard's eval_1 swaps its colours; hence materials ask `eval` only",
+    reason="checkerboard's eval_1 swaps its colours; hence blinnphong asks `eval` only",
 )
 def test_the_squares_of_a_checkerboard_are_the_same_for_eval_and_eval_1(
     variant: str, request: pytest.FixtureRequest

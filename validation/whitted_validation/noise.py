@@ -37,11 +37,12 @@ from whitted_validation.roundoffs import (
     POWER,
     REFLECTED,
     TERM,
+    TEXEL,
     TO_LIGHT,
     UNIT_VECTOR,
     U,
 )
-from whitted_validation.textures import COLOURS, DECODED, Slopes
+from whitted_validation.textures import COLOURS, Slopes
 
 DRAWS = 32
 # ln(2 / 10^-6) = 14.5; the quantile x of chi^2 with 32 degrees of freedom at 10^-6 is 7.05 (see above).
@@ -102,7 +103,7 @@ class Shaken(Follower):
     def _shaken(self, colour: Colour | None) -> Colour | None:
         if colour is None:
             return None
-        red, green, blue = (c + self._draw(DECODED) for c in colour)
+        red, green, blue = (c + self._draw(TEXEL) for c in colour)
         return red, green, blue
 
     def signature(self, tree: Tree) -> list[Any]:

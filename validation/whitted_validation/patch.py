@@ -169,7 +169,8 @@ class Patch:
         """Own roundings of the surface coordinates."""
         if isinstance(self._inner, Triangle):
             u, u1, u2 = np.array(self._inner.uvs or ((0, 0), (1, 0), (0, 1)), float)
-            return np.asarray(COORDINATE + self._weights_off() * (np.abs(u1 - u) + np.abs(u2 - u)))
+            size = np.maximum(1.0, np.abs([u, u1, u2]).max(axis=0))
+            return np.asarray(COORDINATE * size + self._weights_off() * (np.abs(u1 - u) + np.abs(u2 - u)))
         return np.asarray(COORDINATE + LOCAL * (np.abs(self._uv_slope() @ self._tangents) @ self.extent))
 
     def _uv_slope(self) -> Matrix:

@@ -1,10 +1,10 @@
 """How often each formula of the tracer that is judged rounds.
 
-Rays, hits and normals are in double, and so are all decisions what faces whom; searches, light and colour are in
-single. u = 2^-24 bounds the relative error of one rounding to single precision, v = 2^-53 to double. Dot products
-are by fused multiply-adds: three roundings, of partial sums that never exceed the sum of the sizes of the products.
-Coordinates count as they stand in the scene: a tracer that first moves a far scene to the origin stays within these
-bounds, which are then looser than they need be.
+Rays, hits, normals and texture coordinates are in double, and so are all decisions what faces whom; searches, light
+and colour are in single. u = 2^-24 bounds the relative error of one rounding to single precision, v = 2^-53 to double.
+Dot products are by fused multiply-adds: three roundings, of partial sums that never exceed the sum of the sizes of the
+products. Coordinates count as they stand in the scene: a tracer that first moves a far scene to the origin stays within
+these bounds, which are then looser than they need be.
 """
 
 from __future__ import annotations
@@ -31,13 +31,19 @@ SPHERE_DISTANCE = 8.5 * V
 REFLECTED = 17 * V
 # The place in a spot light's cone: three dot products with rounded rows (4), root 3; relative to |M^-1|.
 CONE_PLACE = 7 * V
-# An arc tangent, relative to the angle.
-ARC_TANGENT = 4 * V
+# An arc tangent by Dr.Jit's polynomial, relative to the angle; a test shows that.
+ARC_TANGENT = 8 * V
 # A point brought through a matrix: matrix 1, dot product 3, sum 1 (and the same for a direction, plus its length 3).
 PLACED = 8 * V
 # Barycentric weights, relative to the longest side squared / |e1 x e2|: differences 2, two cross products 3 each,
 # dot 3, division 2. So in a thin triangle they are worse by its aspect ratio, whatever they then interpolate.
 WEIGHTS = 13 * V
+# A place in a shape's own axes, as a distance, relative to its size: difference 1, row of an inverse matrix 8 (two
+# products and a difference, relative to what they are divided by, and that), dot product 3.
+LOCAL = 12 * V
+# Texture coordinates made of that: arc tangent 8, scale and offset 3; by a texture's own transform 3, and from that
+# to texels 2; relative to 1, or to the coordinates of a mesh's vertices where they are greater.
+COORDINATE = 16 * V
 
 # --- in single: what is made of them
 # A unit vector from three components, rounded first (1, and 1 that their length takes on): squared length 3 / 2,
@@ -61,10 +67,9 @@ TERM = 5 * U
 LOGARITHM = 7 * U
 # The power of 2: of an exponent within 1/2 a product with a rounded constant 1, fused sums 2, and the chord's half 1.
 POWER = 4 * U
-# A place in a shape's own axes, as a distance, relative to its size: difference 1, row of a matrix 1, dot product 3.
-LOCAL = 5 * U
-# Texture coordinates made of that: arc tangent 4, scale and offset 3, by a texture's own transform 3; of at most 1.
-COORDINATE = 10 * U
+# A colour from a picture: texels are rounded (1), and so is the luminance that may stand for them (1); along both axes
+# the weight, the difference of two texels and their sum (6); relative to 1.
+TEXEL = 8 * U
 # --- searches
 # Offset of a ray's start from its surface, in units of the surface's distance from the origin along n, or of what
 # a triangle's plane is off that a search makes of its edges: twice the 4 u |e_j f_k| of each product in e x f.

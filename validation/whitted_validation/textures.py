@@ -12,13 +12,10 @@ import numpy as np
 from whitted_reference import scene
 from whitted_reference.arithmetic import FLOAT
 from whitted_reference.textures import evaluator
-from whitted_validation.roundoffs import U
+from whitted_validation.roundoffs import TEXEL
 
 COLOURS = ("ambient", "diffuse", "specular", "mirror")
 TERMS = (*COLOURS, "exponent")
-# A byte's linear value: a power of base 2.4 of it, by a logarithm and an exponential (8), and the luminance of
-# three, where colours stand for it (3); relative to 1.
-DECODED = 11 * U
 # Coordinates off by more texels than that tell nothing of the texture.
 MOST_TEXELS = 8.0
 
@@ -55,7 +52,7 @@ class Slopes:
         changes = self._changes.get((surface, front, term))
         if changes is None:
             return 0.0
-        return DECODED + max(change(uv, off) for change in changes)
+        return TEXEL + max(change(uv, off) for change in changes)
 
 
 def _looks(shapes: Any, prefix: str = "") -> Iterator[tuple[str, scene.Look]]:

@@ -87,7 +87,7 @@ def _spawn_ray() -> Patches:
         ray, pi = self._searches[0].asked
         si = pi.compute_surface_interaction(ray, mi.RayFlags.All, found.valid)
         n, n_g = mi.Normal3d(si.sh_frame.n), mi.Normal3d(si.n)
-        return Hit(found.shape, mi.Point3d(si.p), n, n_g, si.uv, mi.Vector3f(0))
+        return Hit(found.shape, mi.Point3d(si.p), n, n_g, mi.Point2d(si.uv), mi.Vector3f(0))
 
     def spawned(p: Any, n_g: Any, d: Any) -> Any:
         length = (1 + dr.max(dr.abs(p))) * RAY_EPSILON
