@@ -265,9 +265,9 @@ def test_the_floor_by_hand_draws_the_picture(kind: str, tmp_path: Path, llvm_ad_
     scene, floor = load(file, 128), Floor(file, 128)  # which both must live until their kernels are done
     picture, by_hand = np.array(scene.integrator().render(scene)), np.array(floor.draw())
     off = np.abs(picture - by_hand).max(axis=2)
-    # n.h is off by some 8 u, and taken to a power of up to 150. Its constant offset, 2^-16 of a scene of ten that is 128
-    # pixels wide, moves an edge by 1/5000 of a pixel, in a ball of a fiftieth of its distance fifty times that: one of a
-    # hundred pixels that an edge crosses comes to its other side, and edges cross a tenth of all.
+    # n.h is off by some 8 u, and taken to a power of up to 150. The constant offset, 2^-16 of a scene of ten that is
+    # 128 pixels wide, moves an edge by 1/5000 of a pixel, and in a ball of a fiftieth of its distance by fifty times
+    # that: one of a hundred pixels that an edge crosses comes to its other side, and edges cross a tenth of all.
     assert (off > 8 * 150 * 2.0**-24 * picture.max()).sum() <= off.size / 1000
 
 
