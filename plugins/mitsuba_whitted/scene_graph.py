@@ -143,7 +143,12 @@ class Stamp:
     def __init__(self, places: list[tuple[Any, Any, mi.Object]]) -> None:
         values = [read(*place) for place in places]
         plain = [_plain(value) for value in values]
-        self._live = [value for value, known in zip(values, plain, strict=True) if known is None]
+        # A transform's matrix says enough: the inverse that Mitsuba keeps beside it is half of all there is to compare.
+        self._live = [
+            value.matrix if hasattr(value, "inverse_transpose") else value
+            for value, known in zip(values, plain, strict=True)
+            if known is None
+        ]
         """Dr.Jit's own objects, as their owners hold them: an edit shows in them."""
         self._numbers_at = [place for place, known in zip(places, plain, strict=True) if known is not None]
         self._numbers = self._read_numbers()

@@ -38,7 +38,7 @@ class Floor:
         lights = list(root.iter("emitter"))[1:]  # after the sky
         kinds = [shape.get("type") for shape in balls], [light.get("type") for light in lights]
         if floor.get("id") != "floor" or set(kinds[0]) != {"sphere"} or kinds[1] != ["point", "directional"]:
-            raise ValueError(f"{file}: is no scene of balls on a floor under a lamp and a sun")
+            raise ValueError("this is no scene of balls on a floor under a lamp and a sun")
         spheres = [shape for shape in self._scene.shapes() if shape.id() != "floor"]
         self._balls: Any = mi.load_dict(
             {"type": "scene", **{f"ball_{i:03}": sphere for i, sphere in enumerate(spheres)}}, optimize=False

@@ -107,7 +107,10 @@ def _said(ratio: Interval | None) -> str:
 
 
 def _never_slower(results: Results) -> Outcome:
-    """Look for scenes where every pair finds the plan slower: 1 in 2^9 for 9 pairs of two that are equally fast."""
+    """Look for scenes where every pair finds the plan slower: 1 in 2^9 for 9 pairs of two that are equally fast.
+
+    A random scene has been measured twice then, and stands here with what speaks better for its plan.
+    """
     rows = {f"scene {kind}": measured.row("general") for kind, measured in results.scenes.items()}
     rows |= {f"random scene {seed}": row for seed, row in results.random.items()}
     ratios = {where: row.comparison.cpu.inverse() for where, row in rows.items() if row and row.comparison}
