@@ -63,7 +63,7 @@ def bitmap_of(graph: SceneGraph, texture: mi.Texture) -> Bitmap:
             colour = _colour(texture, u, v, channels)
             for answer, expected in probe.answers.items():
                 off[answer] = off.get(answer, 0.0) + float(np.abs(colour - expected).sum())
-        return min(off, key=lambda answer: off[answer])
+        return min(off, key=lambda answer: off[answer], default="")
 
     srgb = stored.dtype == np.uint8 and said(_encoding_probes(stored)) == "sRGB"
     wrap = said(_wrap_probes(stored, srgb))
@@ -96,6 +96,8 @@ def _filter_probes(stored: Texels, srgb: bool) -> Iterator[_Probe]:
     """Ask between a texel and the next, right or above, where the two differ."""
     for right in (True, False):
         here, there = (stored[:, :-1], stored[:, 1:]) if right else (stored[:-1], stored[1:])
+        if not here.size:
+            continue
         row, column = _place_of_difference(here, there)
         nearest, other = _linear(here[row, column], srgb), _linear(there[row, column], srgb)
         x, y = column + 0.5, row + 0.5

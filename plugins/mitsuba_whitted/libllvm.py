@@ -111,7 +111,7 @@ def _version(drjit: ModuleType) -> tuple[int, int, int]:
 def _in_wheel() -> str | None:
     """Look for the library among the files that pip recorded (PEP 376); the wheel decides where it lies, not we.
 
-    ``importlib.metadata`` would say the same, and take a tenth of the time that a small picture takes in all.
+    ``importlib.metadata`` would say the same, but a program that draws a small picture would start slower by it.
     """
     for folder in sys.path:
         for record in Path(folder).glob(f"{WHEEL.replace('-', '_')}-*.dist-info/RECORD"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple, TypeAlias
 
 import drjit as dr
@@ -156,7 +156,9 @@ class Coefficient:
     def squares(self, material: Any, uv: Any, active: Any) -> Iterator[Any]:
         """Tell the squares of checkerboards and the texels of bitmaps apart."""
         if self.textures:
-            yield from self._tables.squares(fetch(mi.UInt32, self._numbers, material, active), uv, active)
+            # Nothing wears number 0. A table of constants has an answer also for lanes that met nothing.
+            number = dr.select(active, fetch(mi.UInt32, self._numbers, material, active), 0)
+            yield from self._tables.squares(number, uv, active)
 
 
 def _check_texture(graph: SceneGraph, texture: Any, what: str, most: float) -> None:
@@ -184,6 +186,11 @@ def _refuse_out_of_range(owner: str, colour: list[float], what: str, most: float
             raise SceneError(f"{owner}: {what} is {value:g}, allowed is from 0 to {most:g}")
 
 
+def has_backs(sides: Iterable[tuple[Material, Material | None]]) -> bool:
+    """Whether any BSDF, given as its front and what is behind, is seen from behind."""
+    return any(behind is not None for _, behind in sides)
+
+
 class Materials:
     """All materials of a scene, by the rows of the shapes that wear them."""
 
@@ -193,7 +200,7 @@ class Materials:
             bsdf = shape.bsdf()
             if bsdf not in sides:
                 sides[bsdf] = material_of(graph, bsdf, shape)
-        self.two_sided = any(behind for _, behind in sides.values())
+        self.two_sided = has_backs(sides.values())
         black = Material("the back of a one-sided surface")
         worn = [sides[shape.bsdf()] for shape in graph.all_shapes]
         # A row for each side of each shape, so that one look-up leads from the shape to its coefficients.

@@ -12,13 +12,17 @@ from numpy.typing import NDArray
 from mitsuba_whitted import precise
 from mitsuba_whitted.accel import Accel
 from mitsuba_whitted.centre import centre_of
-from mitsuba_whitted.few import MOST_FLAT, Few, few_of
+from mitsuba_whitted.few import Few, few_of
 from mitsuba_whitted.instances import Instances
 from mitsuba_whitted.meshes import Meshes
 from mitsuba_whitted.ray import Found, Ray
 from mitsuba_whitted.scene_graph import SceneGraph
 from mitsuba_whitted.shapes import PLANES, Kind, row_of
 from mitsuba_whitted.tables import column, double_column, fetch, opaque
+
+FEW_PLANES = 2
+"""Normals of so many rectangles and disks are constants of the kernel, among which a lane selects, however many other
+shapes there are: a floor, or a floor and a wall."""
 
 
 class Hit(NamedTuple):
@@ -65,7 +69,7 @@ class Surfaces:
         planes = {number: row for number, row in enumerate(rows) if row.kind in PLANES}
         self._few_planes: dict[int, tuple[Any, Any, Any]] = {}
         """Shading normal, geometric normal and reach of the planes if these are so few that no table is needed."""
-        if len(planes) <= MOST_FLAT:
+        if len(planes) <= FEW_PLANES:
             for number, row in planes.items():
                 normals = (opaque(mi.Normal3d(*normal.tolist())) for normal in (row.b, row.plane))
                 self._few_planes[number] = *normals, opaque(mi.Vector3f(*row.reach.tolist()))

@@ -11,12 +11,13 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mitsuba_whitted import integrator, lights, stage, surfaces, tables, trace
+from mitsuba_whitted import integrator, lights, materials, stage, surfaces, tables, trace
 
 Patch = Callable[[pytest.MonkeyPatch], None]
 
 GREY = {"type": "blinnphong", "diffuse_reflectance": 0.5}
 SHINY = {**GREY, "specular_reflectance": 0.4, "exponent": 20.0}
+FROM_BEHIND = {"type": "rectangle", "flip_normals": True, "bsdf": GREY}
 LAMP = {"type": "point", "position": [1, -1, 3], "intensity": 8.0}
 
 
@@ -50,6 +51,10 @@ def all_cast(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(stage, "casters", lambda _graph, _rows, numbers, *_: set(numbers))
 
 
+def with_backs(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(materials, "has_backs", lambda _: True)
+
+
 def look(of: mi.Scene) -> tuple[np.ndarray, int, dict[str, int]]:
     """Return the picture, the operations of its kernel, and the rays that it took."""
     mi.render(of, spp=1)
@@ -64,7 +69,7 @@ SMALLER: dict[str, tuple[dict[str, Any], Patch]] = {
     "no mirror: no loop": ({}, planned(mirrors=True)),
     "no k_s: no half vector, no power": ({}, planned(specular=True)),
     "no ambient light": ({}, planned(ambient=True)),
-    "nothing two-sided: no turned normals": ({}, planned(two_sided=True)),
+    "nothing two-sided: no turned normals": ({"floor": FROM_BEHIND}, with_backs),
     "nothing glows": ({}, planned(emission=True)),
     "camera and lights outside of all balls": ({}, planned(inside=True)),
     "a floor under everything throws no shadow": ({}, all_cast),
@@ -100,10 +105,22 @@ def test_few_shapes_and_lights_are_constants_and_nothing_is_gathered(
     picture, few = look(scene(**contents))[0], gathers(scene(**contents))
     monkeypatch.setattr(tables, "FEW_ROWS", 0)
     monkeypatch.setattr(lights, "UNROLL", 0)
-    monkeypatch.setattr(surfaces, "MOST_FLAT", 0)
+    monkeypatch.setattr(surfaces, "FEW_PLANES", 0)
     with_tables, more = look(scene(**contents))[0], gathers(scene(**contents))
     assert np.array_equal(picture, with_tables)
     assert few == 0 < more
+
+
+def test_rays_that_meet_nothing_have_one_path_whatever_the_first_shape_wears(llvm_ad_rgb: str) -> None:
+    checkered = {**GREY, "diffuse_reflectance": {"type": "checkerboard"}, "mirror_reflectance": 0.2}
+    ball = {"type": "sphere", "center": [0, 0, 0.5], "radius": 0.5, "bsdf": checkered}
+    of = scene(floor=ball, left=None, right=None, sky={"type": "constant"})
+    prepared = of.integrator()._prepare(of, of.sensors()[0])
+    lane = dr.arange(mi.UInt32, 40 * 32)
+    traced = trace.trace(prepared[0], prepared[2], prepared[1].rays(mi.Float(lane % 40), mi.Float(lane // 40)))
+    hit, path = np.array(traced.hit), np.array(traced.path)
+    assert 0 < hit.sum() < len(hit)
+    assert len(set(path[~hit])) == 1 < len(set(path[hit]))
 
 
 @pytest.mark.parametrize("bsdf", [GREY, SHINY])

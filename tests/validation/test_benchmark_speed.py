@@ -116,6 +116,22 @@ def test_a_plan_is_slower_only_if_every_pair_says_so() -> None:
     assert _verdict(Interval(0.9, 0.8, 0.95, 0.8, 1.01), "no scene slower") == "met"
 
 
+def test_a_random_scene_that_every_pair_finds_slower_is_measured_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def row(ratio: float) -> Row:
+        same = Interval(ratio, ratio, ratio, ratio, ratio)
+        return Row("general", "", Comparison(same, same, Sample(1, 1), Sample(1, 1), (1, 1), 9))
+
+    measured = iter([row(0.9), row(1.1), row(1.0), row(0.9), row(0.8)])
+    monkeypatch.setattr(speed, "_random", lambda *_: next(measured))
+    results, nothing = Results(), dataclasses.replace(speed.QUICK, names={}, random=3, sizes=(), starts={})
+    for _ in speed.run(nothing, tmp_path, results, lambda _: None):
+        pass
+    found = [row.comparison.cpu.median for row in results.random.values() if row.comparison]
+    assert found == [1.1, 1.0, 0.8]  # seed 0 and seed 2 twice, the last of which is slower indeed
+
+
 def test_beside_a_target_stands_what_there_is_to_be_reached() -> None:
     results = _results(Interval(2, 2, 2, 2, 2))
     rows = results.scenes["a"].rows

@@ -164,9 +164,9 @@ def run(schedule: Schedule, folder: Path, results: Results, told: Callable[[str]
         told(f"random scene {seed}")
         row = _random(seed, schedule, folder)
         if row.comparison and row.comparison.cpu.most < 1:
-            # Two processes may differ by a fifth for as long as they live, by where their memory lies: two more decide.
-            again = _random(seed, schedule, folder)
-            row = max(row, again, key=lambda each: each.comparison.cpu.median if each.comparison else 0.0)
+            row = _random(
+                seed, schedule, folder
+            )  # two processes may differ for as long as they live: two new ones decide
         results.random[seed] = row
         yield
     file = scenes.write("a", folder)

@@ -215,8 +215,9 @@ def _no_branch(_old: Any) -> Any:
 
 _THE_LOOP = _plan(mirrors=True)
 _HIGHLIGHT = _plan(specular=True)
-_BACKS = _plan(two_sided=True)
+_BACKS = _replace("materials", "has_backs", lambda _: lambda _sides: True)
 _TEXTURED = _plan(textured=True)
+_COORDINATES = _replace("stage", "Stage._find_textured", lambda _: lambda self: None)
 _EMISSION = _plan(emission=True)
 _EMBREE_ALONE = _replace("surfaces", "few_of", lambda _: lambda *_: [])
 _ROW_BY_ROW = _replace("film", "TILE", lambda _: 1)
@@ -224,6 +225,7 @@ _BRANCHLESS = _replace("trace", "dr.if_stmt", _no_branch)
 _ASK_ALL = _replace("surfaces", "Surfaces.blocked", _always)
 _INSIDE = _plan(inside=True)
 _TABLES = _replace("tables", "FEW_ROWS", lambda _: 0)
+_NORMALS = _replace("surfaces", "FEW_PLANES", lambda _: 0)
 _EMBREE_FOR_BALLS = _replace("few", "MOST_ALONE", lambda _: 0)
 _ALL_CAST = _replace("stage", "casters", lambda _: lambda _graph, _rows, few, *_rest: set(few))
 
@@ -233,7 +235,7 @@ _PLAIN_POWER = _replace(
 _RAY_TEST = _replace("accel", "Accel.__init__", _after_init("_round", False))
 
 _WITHOUT_FEW = (_EMBREE_ALONE, _ALL_CAST)
-_GENERAL = (_THE_LOOP, _HIGHLIGHT, _BACKS, _TEXTURED, _EMISSION, _TABLES, *_WITHOUT_FEW)
+_GENERAL = (_THE_LOOP, _HIGHLIGHT, _BACKS, _TEXTURED, _COORDINATES, _EMISSION, _TABLES, _NORMALS, *_WITHOUT_FEW)
 
 PLANNED, POVRAY = "planned", "povray"
 
@@ -241,7 +243,13 @@ CONFIGURATIONS = (
     Configuration(PLANNED, "plugin", "the plugin as it is", _whitted),
     Configuration("limit", "plugin", "Embree's answers to the same rays and nothing else", _limit),
     Configuration("floor", "plugin", "balls on a floor by hand: rays, hits, light and film, and no plan", _floor),
-    Configuration("general", "plugin", "one kernel for all scenes: Embree alone, nothing left out", _whitted, _GENERAL),
+    Configuration(
+        "general",
+        "plugin",
+        "Embree alone, and the loop, highlights, backs, textures, emission and tables in every kernel",
+        _whitted,
+        _GENERAL,
+    ),
     Configuration("same", "control", "the plugin as it is, once more: the ratio is 1", _whitted, in_kernel=False),
     Configuration("twice", "control", "each picture drawn twice: the ratio is 2", _twice, in_kernel=False),
     Configuration("embree", "skip", "Embree searches among few shapes too", _whitted, _WITHOUT_FEW),

@@ -109,7 +109,7 @@ def _said(ratio: Interval | None) -> str:
 def _never_slower(results: Results) -> Outcome:
     """Look for scenes where every pair finds the plan slower: 1 in 2^9 for 9 pairs of two that are equally fast.
 
-    A random scene has been measured twice then, and stands here with what speaks better for its plan.
+    A random scene has been measured again then, in new processes, and stands here with what these found.
     """
     rows = {f"scene {kind}": measured.row("general") for kind, measured in results.scenes.items()}
     rows |= {f"random scene {seed}": row for seed, row in results.random.items()}
