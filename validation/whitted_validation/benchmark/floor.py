@@ -15,7 +15,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from whitted_validation.benchmark.limit import MAX_DEPTH, TILE
+from whitted_validation.benchmark.limit import MAX_DEPTH, camera_rays
 
 OFFSET = 2.0**-16
 """World units, in a scene some ten wide: a constant, which is the cheapest of offsets."""
@@ -62,19 +62,13 @@ class Floor:
 
     def draw(self) -> Any:
         """Start the kernel, and return the picture."""
-        lane = dr.arange(mi.UInt32, self._size**2)
-        tile, inner = lane // TILE**2, lane % TILE**2
-        across = self._size // TILE
-        x = tile % across * TILE + inner % TILE
-        y = tile // across * TILE + inner // TILE
-        on_film = mi.Point2f((mi.Float(x) + 0.5) / self._size, (mi.Float(y) + 0.5) / self._size)
-        ray, _ = self._scene.sensors()[0].sample_ray(mi.Float(0), mi.Float(0), on_film, mi.Point2f(0))
+        pixel, ray = camera_rays(self._scene, self._size)
         d = dr.normalize(mi.Vector3d(ray.d))
         state = mi.UInt32(1), mi.Point3d(ray.o), d, mi.Color3f(1), mi.Color3f(0), mi.UInt32(2**32 - 1), mi.Bool(True)
         final: Any = dr.while_loop(state, lambda *state: state[-1], self._bounce, label="mirror bounces")
         picture = dr.empty(mi.Float, 3 * self._size**2)
         for i, value in enumerate(final[4]):
-            dr.scatter(picture, value, 3 * (y * self._size + x) + i, mode=dr.ReduceMode.Permute)
+            dr.scatter(picture, value, 3 * pixel + i, mode=dr.ReduceMode.Permute)
         return mi.TensorXf(picture, (self._size, self._size, 3))
 
     def _bounce(self, k: Any, o: Any, d: Any, throughput: Any, colour: Any, own: Any, active: Any) -> tuple[Any, ...]:

@@ -35,6 +35,18 @@ class Asked(NamedTuple):
     shadow: Any
 
 
+def camera_rays(scene: Any, size: int) -> tuple[Any, Any]:
+    """Make the rays through all pixel centres, tile by tile, and the number of each one's pixel in the picture."""
+    lane = dr.arange(mi.UInt32, size**2)
+    tile, inner = lane // TILE**2, lane % TILE**2
+    across = size // TILE
+    x = tile % across * TILE + inner % TILE
+    y = tile // across * TILE + inner // TILE
+    on_film = mi.Point2f((mi.Float(x) + 0.5) / size, (mi.Float(y) + 0.5) / size)
+    ray, _ = scene.sensors()[0].sample_ray(mi.Float(0), mi.Float(0), on_film, mi.Point2f(0))
+    return y * size + x, ray
+
+
 class Limit:
     """The kernel for one scene; a Dr.Jit variant must be set."""
 
@@ -67,17 +79,11 @@ class Limit:
 
     def _ask(self) -> tuple[Any, Asked]:
         """Trace all rays; return the number of the pixel in the picture as well."""
-        lane = dr.arange(mi.UInt32, self._size**2)
-        tile, inner = lane // TILE**2, lane % TILE**2
-        across = self._size // TILE
-        x = tile % across * TILE + inner % TILE
-        y = tile // across * TILE + inner // TILE
-        on_film = mi.Point2f((mi.Float(x) + 0.5) / self._size, (mi.Float(y) + 0.5) / self._size)
-        ray, _ = self._scene.sensors()[0].sample_ray(mi.Float(0), mi.Float(0), on_film, mi.Point2f(0))
+        pixel, ray = camera_rays(self._scene, self._size)
         zero = mi.UInt32(0)
         state = (mi.UInt32(0), mi.Point3f(ray.o), mi.Vector3f(ray.d), zero, zero, zero, zero, mi.Bool(True))
         final: Any = dr.while_loop(state, lambda *state: state[-1], self._bounce, label="mirror bounces")
-        return y * self._size + x, Asked(*final[3:7])
+        return pixel, Asked(*final[3:7])
 
     def _bounce(
         self, k: Any, o: Any, d: Any, path: Any, unshadowed: Any, mirror: Any, shadow: Any, active: Any
