@@ -107,9 +107,7 @@ def pixels(look: Look, width: int, top: int, bottom: int) -> Cells:
     inside = (i < size.x) & (j < size.y)
     i, j = dr.minimum(i, size.x - 1), dr.minimum(j, size.y - 1)
     x, y, step = mi.Float(i), mi.Float(j + size.z), opaque(mi.Float(1))
-    cells = Cells(x, y, j * across + i, inside, i, j, across, down, step, colours, paths, samples)
-    dr.eval(*cells[:-1])
-    return cells
+    return Cells(x, y, j * across + i, inside, i, j, across, down, step, colours, paths, samples)
 
 
 def _along_z_curve(width: int, height: int) -> tuple[Any, Any]:
@@ -156,5 +154,4 @@ def quarters(look: Look, cells: Cells, split: Any) -> Cells:
     colour, path = look(x, y, mi.Bool(True))
     dr.scatter(colours, colour, 9 * parent + k)
     dr.scatter(paths, path, 9 * parent + k)
-    dr.eval(*parts[:-1])
     return parts

@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_whitted.cells import Cells, Estimate, Kind, norm
+from mitsuba_whitted.water import Histogram, counts, histogram
 
 # Fitted as told in `antialias`.
 
@@ -31,8 +32,8 @@ OF_STEP = OF_RANGE / 2
 """The same in parts of third differences: a step inside the cell makes one of twice its height."""
 
 
-def from_corners(some: Cells) -> Estimate:
-    """Estimate each cell from its corners, and what is wrong with that."""
+def from_corners(some: Cells, target: float) -> tuple[Estimate, Histogram]:
+    """Estimate each cell from its corners, and what is wrong with that; count these errors."""
     corners = some.corners()
     colours = [some.colour(sample) for sample in corners]
     paths = [some.path(sample) for sample in corners]
@@ -50,9 +51,9 @@ def from_corners(some: Cells) -> Estimate:
     count = dr.width(some.x)
     value = dr.empty(mi.Float, 4 * count)
     dr.scatter(value, (colours[0] + colours[1] + colours[2] + colours[3]) * 0.25, dr.arange(mi.UInt32, count))
-    estimate = Estimate(value, error, kind)
-    dr.eval(*estimate)
-    return estimate
+    estimate, errors = Estimate(value, error, kind), counts(error, kind, some.inside, target)
+    dr.eval(*some[:-1], *estimate, errors)  # together: one kernel
+    return estimate, histogram(errors)
 
 
 def _range_around(some: Cells, where: Any, low: Any, high: Any) -> tuple[Any, Any]:

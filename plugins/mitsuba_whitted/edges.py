@@ -282,12 +282,17 @@ def _crossings(look: Look, cells: Cells, close: Any, two: Any, limit: Any) -> An
     Nothing here depends on which of its two cells a side is seen from.
     """
     crossings = dr.zeros(mi.Float, 2 * cells.samples)
+    marked = dr.zeros(mi.Bool, cells.samples)
+    dr.scatter(marked, mi.Bool(True), dr.gather(mi.UInt32, cells.corner, close), two)
     lane = dr.arange(mi.UInt32, 4 * dr.width(close))
     side = _side(cells, close, lane)
+    here = side.here
     crossed = dr.gather(mi.Bool, two, lane // 4) & (cells.path(side.begin) != cells.path(side.end))
-    first = dr.full(mi.UInt32, 0xFFFFFFFF, 2 * cells.samples)
-    dr.scatter_reduce(dr.ReduceOp.Min, first, lane, side.number, crossed)
-    mine = dr.compress(crossed & (dr.gather(mi.UInt32, first, side.number) == lane))
+    # A side that two cells share is sought by the upper or left one of them.
+    above, left = (side.k == 0) & (here.j > 0), (side.k == 3) & (here.i > 0)
+    other = here.corner - dr.select(above, here.across, 1)
+    crossed &= ~dr.gather(mi.Bool, marked, other, above | left)
+    mine = dr.compress(crossed)
     if not dr.width(mine):
         return crossings
 

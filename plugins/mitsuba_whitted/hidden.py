@@ -16,14 +16,19 @@ from mitsuba_whitted.water import Histogram, levels
 
 # Fitted as told in `antialias`.
 
-NEAR = 0.7
-"""Checks of a pixel next to one of several paths, where what one pixel may hide is as much as the whole target."""
+NEAR = 1.0
+"""Checks of a pixel next to one of several paths, where what hides there with the contrast of the edges around it
+makes as much as the whole target.
+"""
+
+ANYWHERE = 0.8
+"""The same with the contrast that edges have in the mean: something else may hide there."""
 
 FAR = 0.25
-"""The same of all others, of which most show nothing."""
+"""The same of all other pixels, of which most show nothing."""
 
-LEAST_FAR = 1.2
-"""With fewer than this, those are not checked at all."""
+LEAST_FAR = 0.6
+"""With fewer than this, none of those is checked; below 1, every other one is."""
 
 MOST_CHECKS = 128
 
@@ -31,32 +36,41 @@ MOST_CHECKS = 128
 def checks(pixels: Cells, estimate: Estimate, errors: Histogram, target: float, count: int) -> Any:
     """Say how many samples more each pixel needs, so that what matters is not likely to hide there.
 
-    A hidden thing has the contrast of the edges that are seen. Unseen by k samples it fills about 1/k of a pixel,
-    and adds (contrast / k)^2 to the sum of all squares, which may be count * target^2.
+    A hidden thing has the contrast of the edges around it, or, far from all edges, of those that are seen elsewhere.
+    Unseen by k samples it fills about 1/k of a pixel, and adds (contrast / k)^2 to the sum of all squares, which may
+    be count * target^2.
     """
     mixed = errors[Kind.EDGE :]
-    contrast = math.sqrt(np.sum(mixed * levels(target) ** 2) / max(mixed.sum(), 1)) / OF_RANGE
-    worst = contrast / (target * math.sqrt(count))
-    near, far = (min(share * worst, MOST_CHECKS) for share in (NEAR, FAR))
+    of_contrast = 1 / (OF_RANGE * target * math.sqrt(count))
+    typical = math.sqrt(np.sum(mixed * levels(target) ** 2) / max(mixed.sum(), 1))
+    far = min(FAR * of_contrast * typical, MOST_CHECKS)
     every = math.ceil(1 / far) if far > LEAST_FAR else 0
-    if near < 1 and not every:
+    if NEAR * of_contrast * np.max(levels(target) * mixed.any(axis=0)) < 1 and not every:
         return opaque(dr.zeros(mi.UInt32, dr.width(pixels.inside)))
     some = (pixels.i + 2 * pixels.j) % opaque(mi.UInt32(max(every, 1))) == 0
     of_far = dr.select(some, opaque(mi.UInt32(math.ceil(far) if every else 0)), 0)
-    of_each = dr.select(around(pixels, estimate.kind != Kind.SMOOTH.value), opaque(mi.UInt32(int(near))), of_far)
+    most = largest_around(pixels, dr.select(estimate.kind != Kind.SMOOTH.value, estimate.error, 0))
+    near = dr.maximum(NEAR * most, dr.select(most > 0, opaque(mi.Float(ANYWHERE * typical)), 0))
+    of_near = mi.UInt32(dr.minimum(opaque(mi.Float(of_contrast)) * near, MOST_CHECKS))
+    of_each = dr.maximum(of_near, of_far)
     dr.eval(of_each)
     return of_each
 
 
-def around(pixels: Cells, some: Any) -> Any:
-    """Mark pixels that touch one of these, and those themselves."""
+def largest_around(pixels: Cells, values: Any) -> Any:
+    """Find the largest value of each pixel and those that touch it; none is below 0."""
     across, down = pixels.across - 1, pixels.down - 1
-    marked = dr.zeros(mi.Bool, pixels.samples)
-    dr.scatter(marked, mi.Bool(True), pixels.j * across + pixels.i, some & pixels.inside)
-    found = mi.Bool(False)
+    held = dr.zeros(mi.Float, pixels.samples)
+    dr.scatter(held, values, pixels.j * across + pixels.i, pixels.inside)
+    found = mi.Float(0)
     for x in range(-1, 2):
         for y in range(-1, 2):
             i, j = mi.Int32(pixels.i) + x, mi.Int32(pixels.j) + y
             there = pixels.inside & (i >= 0) & (j >= 0) & (i < mi.Int32(across)) & (j < mi.Int32(down))
-            found |= dr.gather(mi.Bool, marked, mi.UInt32(j) * across + mi.UInt32(i), there)
+            found = dr.maximum(found, dr.gather(mi.Float, held, mi.UInt32(j) * across + mi.UInt32(i), there))
     return found
+
+
+def around(pixels: Cells, some: Any) -> Any:
+    """Mark pixels that touch one of these, and those themselves."""
+    return largest_around(pixels, dr.select(some, mi.Float(1), 0)) > 0

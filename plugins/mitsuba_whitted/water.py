@@ -9,11 +9,18 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_whitted.cells import Estimate
 from mitsuba_whitted.tables import opaque
 
-LEFT = np.array([0.8, 0.3, 0.7])
-"""Error that a cell of each kind is left with, in parts of the limit to which it is refined."""
+# By kind. Fitted as told in `antialias`.
+
+FROM = np.array([0.5, 1.0, 1.0])
+"""A cell is refined if its error is above this part of the limit: one path takes a sample, an edge some ten."""
+
+UNTOUCHED = np.array([0.4, 0.45, 0.8])
+"""Error of the cells that are not refined, in parts of what is estimated."""
+
+LEFT = np.array([0.25, 0.4, 0.9])
+"""Error that a cell is left with where it is refined, in parts of the limit."""
 
 OCTAVES_BELOW, STEPS, BINS = 8, 4, 96
 """Errors are counted from so many octaves below the target, in so many steps an octave."""
@@ -22,16 +29,21 @@ Histogram = NDArray[np.float64]
 """Cells of each kind by their error, (3, BINS)."""
 
 
-def histogram(estimate: Estimate, active: Any, target: float) -> Histogram:
-    """Count the errors of each kind of cell, (3, BINS); those too small to matter are left out.
+def counts(error: Any, kind: Any, active: Any, target: float) -> Any:
+    """Count the errors of each kind of cell, flat (3, BINS), not evaluated; those too small to matter are left out.
 
     Whole numbers: their sum does not depend on the order in which threads come.
     """
-    octaves = dr.log2(estimate.error / opaque(mi.Float(target))) + OCTAVES_BELOW
-    counts = dr.zeros(mi.UInt32, 3 * BINS)
+    octaves = dr.log2(error / opaque(mi.Float(target))) + OCTAVES_BELOW
+    found = dr.zeros(mi.UInt32, 3 * BINS)
     place = mi.UInt32(dr.clip(STEPS * octaves, 0, BINS - 1))
-    dr.scatter_add(counts, mi.UInt32(1), estimate.kind * BINS + place, active & (octaves >= 0))
-    return np.array(counts, dtype=np.float64).reshape(3, BINS)
+    dr.scatter_add(found, mi.UInt32(1), kind * BINS + place, active & (octaves >= 0))
+    return found
+
+
+def histogram(found: Any) -> Histogram:
+    """Fetch what was counted."""
+    return np.array(found, dtype=np.float64).reshape(3, BINS)
 
 
 def levels(target: float) -> NDArray[np.float64]:
@@ -41,10 +53,17 @@ def levels(target: float) -> NDArray[np.float64]:
 
 
 def water_level(counts: Histogram, target: float, budget: float) -> float:
-    """Find the error above which cells are refined, so that all that is left meets the budget."""
+    """Find the limit to which cells are refined, so that all that is left meets the budget."""
     left = np.sum(counts * _SQUARES, axis=(1, 2)) * target**2
     return float(levels(target)[max(int(np.searchsorted(left, budget)) - 1, 0)])
 
 
-_SQUARES = np.minimum(levels(1), LEFT[:, None] * levels(1)[:, None, None]) ** 2
-"""What a cell adds to the sum of squares, by limit, kind and error: (BINS, 3, BINS), for a target of 1."""
+def _squares() -> NDArray[np.float64]:
+    """Tell what a cell adds to the sum of squares, by limit, kind and error: (BINS, 3, BINS), for a target of 1."""
+    error, limit = levels(1), levels(1)[:, None, None]
+    refined = np.minimum(error, LEFT[:, None] * limit)
+    found: NDArray[np.float64] = np.where(error > FROM[:, None] * limit, refined, UNTOUCHED[:, None] * error) ** 2
+    return found
+
+
+_SQUARES = _squares()
