@@ -21,7 +21,7 @@ from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
-FROZEN = "dcbafd318a42caeb037310b243031594e3da893b"
+FROZEN = "f1e9e8c09de2da9b80a5a841580c3502dbf22fcb"
 """The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
 here: nobody could know them before.
 """
