@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mitsuba_whitted.meshes import triangles_of
 from mitsuba_whitted.ray import Found, Ray
-from mitsuba_whitted.scene_graph import SceneGraph, registry_number
+from mitsuba_whitted.scene_graph import SceneGraph, searched_by_optix
 from mitsuba_whitted.tables import fetch, index_column
 from mitsuba_whitted.transforms import Matrix, matrix_of, moved
 
@@ -49,15 +49,19 @@ class Accel:
                     contents.append(_moved(graph, member, to_world))
                     placed.append(who)
         self._as_given = all(row == [place, 0] for place, row in enumerate(placed)) and not (triangles or ellipsoids)
-        self._placed = index_column(placed or [[0, 0]])
         self._soup: Any = None
         if triangles:
-            self._soup_geometry = len(contents)
+            self._soup_number = len(contents)
             contents.append(_soup(triangles))
+            placed.append([0, 0])  # each of its triangles has a row of its own
             self._soup = index_column(np.concatenate([_numbered(who, faces) for who, _, faces in triangles]))
         self._round = bool(ellipsoids) or any(shape.class_name() == "Sphere" for shape in contents)
-        self._scene = _scene([*(group for _, group, _ in ellipsoids), *contents, *(it for *_, it in ellipsoids)])
-        self._ellipsoids = _ByObject([it for *_, it in ellipsoids], [who for who, *_ in ellipsoids])
+        contents += [it for *_, it in ellipsoids]
+        self._placed = index_column([*placed, *(who for who, *_ in ellipsoids)] or [[0, 0]])
+        self._scene = _scene([*(group for _, group, _ in ellipsoids), *contents])
+        # Embree tells the number of what was met, but for what an instance places; OptiX tells the object alone.
+        self._number_of = _NumberOf(self._scene) if ellipsoids or searched_by_optix() else None
+        self._ellipsoids = bool(ellipsoids)
 
     def first(self, ray: Ray, found: Found, active: Any, inside: bool) -> Found:
         """Ask Embree which primitive the ray meets first, and go on with it if it is nearer than `found`.
@@ -83,20 +87,26 @@ class Accel:
 
     def _met(self, pi: mi.PreliminaryIntersection3f, active: Any) -> tuple[Any, Any, Any]:
         """Row of the shape that the answer stands for, number of its instance, number of its triangle."""
+        number = self._number(pi, active)
         if self._as_given:
-            return pi.shape_index, mi.UInt32(0), pi.prim_index
-        in_soup = active & (pi.shape_index == self._soup_geometry) if self._soup is not None else mi.Bool(False)
-        on_ellipsoid = active & (pi.instance != None) if self._ellipsoids else mi.Bool(False)  # noqa: E711  # a lane each
-        plain = active & (in_soup ^ True) & (on_ellipsoid ^ True)
-        who = fetch(mi.Vector2u, self._placed, dr.select(plain, pi.shape_index, 0), plain)
+            return number, mi.UInt32(0), pi.prim_index
+        who = fetch(mi.Vector2u, self._placed, number, active)
         face = pi.prim_index
         if self._soup is not None:
+            in_soup = active & (number == self._soup_number)
             triangle = fetch(mi.Vector3u, self._soup, pi.prim_index, in_soup)
             who = dr.select(in_soup, triangle.xy, who)
             face = dr.select(in_soup, triangle.z, face)
-        if self._ellipsoids:
-            who = dr.select(on_ellipsoid, self._ellipsoids(pi.instance, on_ellipsoid), who)
         return who.x, who.y, face
+
+    def _number(self, pi: mi.PreliminaryIntersection3f, active: Any) -> Any:
+        """Tell the number of what was met, in the order of the scene's shapes."""
+        if self._number_of is None:
+            return pi.shape_index
+        if not self._ellipsoids:
+            return self._number_of(pi.shape, active)
+        placed = active & (pi.instance != None)  # noqa: E711  # a lane each
+        return self._number_of(dr.select(placed, pi.instance, pi.shape), active)
 
 
 def _placements(
@@ -193,24 +203,19 @@ def _shape(kind: str, to_world: Matrix) -> Any:
         mi.set_log_level(level)
 
 
-class _ByObject:
-    """From a shape in a kernel to the two numbers that belong to it; empty where there is none."""
+class _NumberOf:
+    """From a shape in a kernel to its number in a scene."""
 
-    def __init__(self, shapes: list[Any], numbers: list[list[int]]) -> None:
-        self._count = len(shapes)
+    def __init__(self, scene: mi.Scene) -> None:
         if not dr.is_jit_v(mi.Float):
-            self._rows: Any = dict(zip(shapes, numbers, strict=True))
+            self._numbers: Any = {shape: number for number, shape in enumerate(scene.shapes())}
             return
-        registry = [registry_number(shape) for shape in shapes]
-        rows = np.zeros((max(registry, default=0) + 1, 2), np.uint32)
-        if shapes:
-            rows[registry] = numbers
-        self._rows = index_column(rows)
-
-    def __bool__(self) -> bool:
-        return self._count > 0
+        registry = np.array(dr.reinterpret_array(mi.UInt32, scene.shapes_dr()))
+        numbers = np.zeros((max(registry, default=0) + 1, 1), np.uint32)
+        numbers[registry, 0] = np.arange(len(registry))
+        self._numbers = index_column(numbers)
 
     def __call__(self, shape: Any, active: Any) -> Any:
         if not dr.is_jit_v(mi.Float):
-            return mi.Vector2u(*self._rows.get(shape, (0, 0)))
-        return fetch(mi.Vector2u, self._rows, dr.reinterpret_array(mi.UInt32, shape), active)
+            return self._numbers.get(shape, 0)
+        return fetch(mi.UInt32, self._numbers, dr.reinterpret_array(mi.UInt32, shape), active)

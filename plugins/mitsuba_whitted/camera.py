@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_whitted.errors import SceneError
-from mitsuba_whitted.precise import LEAST, UNIT_ROUNDOFF
+from mitsuba_whitted.precise import LEAST, UNIT_ROUNDOFF, rcp
 from mitsuba_whitted.ray import NOTHING, Ray
 from mitsuba_whitted.scene_graph import Node, Stamp, number, read, recorder
 from mitsuba_whitted.shapes import Row
@@ -81,7 +81,7 @@ class Camera:
         if self.kind == "OrthographicCamera":
             return camera_ray(mi.Point3d(eye + on_plane), forward, 0, far)
         length = dr.norm(on_plane)  # of the direction whose component along the camera's z is 1
-        d = on_plane * dr.rcp(length)
+        d = on_plane * rcp(length)
         return camera_ray(mi.Point3d(eye), d, mi.Float(x0_y0_near.z * length), far * mi.Float(length))
 
     def _affine_map(self) -> tuple[Any, ...]:
@@ -144,7 +144,7 @@ def any_ray(ray: mi.Ray3f, origin: Any) -> Ray:
     d = mi.Vector3d(ray.d)
     length = dr.norm(d)
     o = mi.Point3d(mi.Point3d(ray.o) - mi.Vector3d(origin))
-    return camera_ray(o, d * dr.rcp(length), 0, ray.maxt * mi.Float(length))
+    return camera_ray(o, d * rcp(length), 0, ray.maxt * mi.Float(length))
 
 
 def _opaque(kind: Any, values: Any) -> Any:

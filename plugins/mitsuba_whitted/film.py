@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mitsuba_whitted import antialias
 from mitsuba_whitted.cells import Look
 from mitsuba_whitted.errors import SceneError
+from mitsuba_whitted.precise import rcp
 from mitsuba_whitted.scene_graph import number
 from mitsuba_whitted.tables import opaque
 
@@ -206,7 +207,7 @@ def _sub_pixels(width: int, top: int, bottom: int, n: int) -> tuple[Any, Any]:
 
 def sub_pixel(x: Any, y: Any, part: Any, n: Any) -> tuple[Any, Any]:
     """Position, in double, of sample number `part` of the n x n of pixel (x, y), row by row; UInt32 or int."""
-    i, j, size = mi.Float64(part % n), mi.Float64(part // n), dr.rcp(mi.Float64(n))
+    i, j, size = mi.Float64(part % n), mi.Float64(part // n), rcp(mi.Float64(n))
     return mi.Float64(x) + (i + 0.5) * size, mi.Float64(y) + (j + 0.5) * size
 
 

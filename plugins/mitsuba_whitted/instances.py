@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from mitsuba_whitted.precise import rcp
 from mitsuba_whitted.scene_graph import SceneGraph
 from mitsuba_whitted.tables import column, double_column, fetch
 from mitsuba_whitted.transforms import matrix_of, moved
@@ -27,7 +28,7 @@ class Placement(NamedTuple):
         """Bring a ray into the group's space, its direction again of unit length."""
         d = mi.Vector3d(*(dr.dot(row.xyz, d) for row in self.to_local_rows))
         length = dr.norm(d)
-        return mi.Point3d(*(dr.dot(row.xyz, o) + row.w for row in self.to_local_rows)), d * dr.rcp(length), t * length
+        return mi.Point3d(*(dr.dot(row.xyz, o) + row.w for row in self.to_local_rows)), d * rcp(length), t * length
 
     def to_world(self, p: Any, n: Any, n_g: Any, reach: Any) -> tuple[Any, Any, Any, Any]:
         """Bring a hit back; a normal goes by the inverse transposed, stays on its side, and has any length."""

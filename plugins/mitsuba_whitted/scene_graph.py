@@ -10,6 +10,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_whitted.errors import SceneError
+
 
 @dataclass
 class Node:
@@ -95,6 +97,11 @@ class SceneGraph:
         """Find the group of each instance, which Mitsuba does not tell: by whom the group's first shape is met."""
         if len(self.groups) < 2:
             return dict.fromkeys(self.instances, *self.groups)
+        if searched_by_optix():
+            raise SceneError(
+                f"{len(self.groups)} shape groups: {mi.variant()} does not tell which of them an instance places; "
+                "use one, or a variant that begins with llvm"
+            )
         group_of = {member: group for group in self.groups for member in self.members[group]}
         empty = next((group for group in self.groups if not self.members[group]), None)
         pi: Any = dr.zeros(mi.PreliminaryIntersection3f, len(self.instances))
@@ -199,6 +206,11 @@ def _children(owner: mi.Object) -> list[mi.Object]:
     node = Node()
     owner.traverse(recorder(node))
     return list(node.children.values())
+
+
+def searched_by_optix() -> bool:
+    """Whether rays are searched by OptiX, on a GPU, and not by Embree."""
+    return bool(dr.backend_v(mi.Float) == dr.JitBackend.CUDA)
 
 
 def registry_number(shape: Any) -> int:
