@@ -159,7 +159,7 @@ class _Part:
         The reach is sum |n_i| max |v_i|, or what Embree's plane is off where that is more: a component
         e_j f_k - e_k f_j of the normal, from edges e and f, rounds by up to 4 u (|e_j f_k| + |e_k f_j|), each
         product three times and the difference once, and that tilts the plane over the extent of the triangle. OptiX
-        was seen to miss planes across an axis too, where Embree rounds nothing: by roundings of the extent.
+        was seen to miss planes across an axis too, where Embree rounds nothing: by up to u of the extent.
         """
         corners = self.positions.astype(np.float64)[self.faces]
         e, f = np.abs(corners[:, 1] - corners[:, 0]), np.abs(corners[:, 2] - corners[:, 0])
@@ -169,7 +169,7 @@ class _Part:
         tilt = (np.ptp(corners, axis=1)[:, i] * products).sum(axis=1)
         tilt = np.divide(tilt, double_area, out=np.zeros_like(tilt), where=double_area > 0)
         if searched_by_optix():
-            tilt = np.maximum(tilt, np.ptp(corners, axis=1).max(axis=1))
+            tilt = np.maximum(tilt, np.ptp(corners, axis=1).max(axis=1) / 2)
         off = (np.abs(self.face_normals) * np.abs(corners).max(axis=1)).sum(axis=1)
         return np.column_stack([self.face_normals, np.maximum(off, tilt)])
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_whitted.errors import SceneError
-from mitsuba_whitted.scene_graph import SceneGraph, searched_by_optix
+from mitsuba_whitted.scene_graph import SceneGraph
 from mitsuba_whitted.transforms import matrix_of
 
 Vector = NDArray[np.float64]
@@ -85,8 +85,6 @@ def row_of(graph: SceneGraph, shape: mi.Shape, centre: Vector) -> Row:
     to_world = graph.value(shape, "to_world")
     matrix = matrix_of(to_world, f"shape `{shape.id()}`", _PLACED_BY.get(kind, "to_world"))
     linear, origin = matrix[:3, :3], matrix[:3, 3] - centre
-    if kind == Kind.RECTANGLE and searched_by_optix():  # two triangles: see `meshes`
-        reach = np.maximum(reach, float(np.max(np.array(box.extents()))))
 
     radius = _single_length(linear[:, 0]) if kind == Kind.SPHERE else float(np.linalg.norm(linear[:, 0]))
     normal = linear[:, 2]

@@ -16,7 +16,7 @@ from mitsuba_whitted.few import Few, few_of
 from mitsuba_whitted.instances import Instances
 from mitsuba_whitted.meshes import Meshes
 from mitsuba_whitted.ray import Found, Ray
-from mitsuba_whitted.scene_graph import SceneGraph
+from mitsuba_whitted.scene_graph import SceneGraph, searched_by_optix
 from mitsuba_whitted.shapes import PLANES, Kind, row_of
 from mitsuba_whitted.tables import column, double_column, fetch, opaque
 
@@ -57,6 +57,10 @@ class Surfaces:
         """Kinds of which some shape wears a texture: the others need no coordinates."""
         self.rows = rows
         few = few_of(rows, bool(graph.instances))
+        if searched_by_optix():
+            for number, row in enumerate(rows):
+                if row.kind == Kind.RECTANGLE and number not in few:  # two triangles: see `meshes`
+                    rows[number] = row._replace(reach=np.full(3, row.reach.max()))
         self.few = Few({number: rows[number] for number in few})
         self.searched = len(few) < len(rows)
         """Whether there are more than the few."""
