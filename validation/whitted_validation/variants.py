@@ -36,7 +36,7 @@ def choose(asked: str | None) -> tuple[str, str]:
     has_gpu = dr.has_backend(dr.JitBackend.CUDA)
     if asked is None:
         if has_gpu:
-            return "cuda_ad_rgb", "variant cuda_ad_rgb, since a GPU answers"
+            return "cuda_ad_rgb", "variant cuda_ad_rgb, since a GPU answers; validated is llvm_ad_rgb"
         if llvm.refusal is None:
             return "llvm_ad_rgb", f"variant llvm_ad_rgb, libLLVM {number} {llvm.reason}"
         return "scalar_rgb", f"variant scalar_rgb, slow: {llvm.refusal}"
