@@ -106,7 +106,7 @@ def refined(look: Look, width: int, top: int, bottom: int, target: float) -> Ban
     return Band(pixels.i, pixels.j + opaque(mi.UInt32(top)), pixels.inside, colour)
 
 
-def _follow(look: Look, pixels: Cells, estimate: Estimate, expected: Any, checks: Any, limit: float) -> None:
+def _follow(look: Look, pixels: Cells, estimate: Estimate, expected: Any, checks: Any, limit: Any) -> None:
     """Where something was hidden, look for more of it in the pixels around, and around these."""
     for _ in range(FOLLOWED):
         surprised = pixels.inside & (estimate.error > limit) & ~expected
@@ -114,13 +114,13 @@ def _follow(look: Look, pixels: Cells, estimate: Estimate, expected: Any, checks
             break
         expected |= surprised
         more = around(pixels, surprised) & (estimate.error <= limit)
-        _look(look, pixels, estimate, more, checks + MORE_CHECKS, opaque(mi.Float(limit)))
+        _look(look, pixels, estimate, more, checks + MORE_CHECKS, limit)
 
 
-def _needed(error: Any, limit: float) -> Any:
+def _needed(error: Any, limit: Any) -> Any:
     """Count the samples whose mean brings an error below the limit: an even number."""
     of_least = error * (UNTOUCHED[Kind.CLUTTER] * LEAST_SAMPLES**-FALL)
-    count = LEAST_SAMPLES * dr.maximum(1, (of_least / opaque(mi.Float(limit))) ** (1 / FALL))
+    count = LEAST_SAMPLES * dr.maximum(1, (of_least / limit) ** (1 / FALL))
     return 2 * mi.UInt32(dr.minimum(0.5 * count, ENOUGH))
 
 
@@ -180,12 +180,11 @@ def _refine(
 
     `budget` is the sum of the squares of all errors that may be left.
     """
-    limit = water_level(errors, target, budget)
-    seen = opaque(mi.Float(limit))
+    limit = opaque(mi.Float(water_level(errors, target, budget)))  # as data: each picture has another
     smooth, clutter = (estimate.kind == kind.value for kind in (Kind.SMOOTH, Kind.CLUTTER))
-    expected = (estimate.error > dr.select(smooth, FROM[Kind.SMOOTH] * seen, seen)) & some.inside
+    expected = (estimate.error > dr.select(smooth, FROM[Kind.SMOOTH] * limit, limit)) & some.inside
     closer = dr.select(clutter, ~expected, expected | (checks > 0)) & some.inside
-    _look(look, some, estimate, closer, checks, seen)
+    _look(look, some, estimate, closer, checks, limit)
     if depth == DEPTH:
         _follow(look, some, estimate, expected | clutter, checks, limit)
     wrong = dr.compress((estimate.error > limit) & some.inside)

@@ -163,6 +163,20 @@ def test_no_launch_over_all_pixels_is_done_twice(llvm_ad_rgb, scene_of):
     assert len(set(hashes)) == len(hashes)
 
 
+def test_another_target_error_compiles_nothing(llvm_ad_rgb, scene_of):
+    scene = scene_of(BODY, size=(96, 80))
+    for target in (1e-2, 4e-3, 2e-3, 1e-3):  # every kernel that refinement has: it does more the smaller the error
+        draw(scene, target)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        for target in (8e-3, 3e-3, 1.5e-3):
+            draw(scene, target)
+        launches = dr.kernel_history([dr.KernelType.JIT])
+    assert len(launches) > 60
+    missed = [(each["operation_count"], each["size"]) for each in launches if not each["cache_hit"]]
+    assert not missed
+
+
 def test_one_colour_takes_one_ray_a_corner_and_stays_exact(llvm_ad_rgb, scene_of):
     scene = scene_of(SKY, size=(40, 33))
     assert np.array_equal(draw(scene, 1e-3), np.broadcast_to([0.25, 0.5, 0.75], (33, 40, 3)))
