@@ -38,7 +38,9 @@ DEPTH = 8
 """How often a pixel can be split: to 1/256."""
 
 SPLIT_AT_ONCE = 1 << 17
-"""Cells split in one launch. Each depth keeps so many at most, of some 400 bytes with all that hangs on them."""
+"""Cells split, or averaged over, in one launch. Each depth keeps so many at most, of some 400 bytes with all that
+hangs on them.
+"""
 
 # What follows, and in `corners`, `water`, `hidden` and `edges`, was fitted on scenes a, b and c of the benchmark with
 # seeds 1, 2, 11, 12, 13, 370324 and 3703242033 and on the random scenes 1000 to 1039, then left alone.
@@ -52,6 +54,9 @@ MORE_CHECKS = 4
 AIM = 0.67
 """Aimed at, in parts of the target error, for what is not foreseen."""
 
+SMALLEST, LARGEST = 2.0**-100, 2.0**100
+"""Targets beyond ask for the same, all or nothing; their squares and quotients would leave the range of numbers."""
+
 LEAST_BUDGET = 0.15
 """Share of the error that the parts of split cells may make at least, should the rest have spent it all."""
 
@@ -62,10 +67,14 @@ FALL = 0.75
 """The error falls with this power of the samples, as long as edges cross the cell at random."""
 
 ENOUGH = 3 << 14
-"""Samples that take no longer than to split once more would: some launches, however few the cells."""
+"""Samples that take no longer than to split once more would: some launches, however few the cells. Where so many
+suffice for all that is left, nothing more is split.
+"""
 
 GOLDEN_RATIO = 0.6180339887
-"""Samples of an average: points k / n, k g (modulo 1), evenly spread for any n (Niederreiter 1992, chapter 3)."""
+"""Less 1. Samples of an average lie at k / n, k g (modulo 1), k from 1/2: evenly spread for any n (Niederreiter 1992,
+chapter 3).
+"""
 
 OF_HALVES = 0.4
 """Error of such an average, in parts of how much two halves of the samples differ."""
@@ -95,7 +104,7 @@ def refined(look: Look, width: int, top: int, bottom: int, target: float) -> Ban
     target : float
         Linear radiance, over all pixels and channels of these rows.
     """
-    target *= AIM
+    target = min(max(target * AIM, SMALLEST), LARGEST)
     pixels = cells.pixels(look, width, top, bottom)
     estimate, errors = from_corners(pixels, target)
     count = width * (bottom - top)
@@ -118,14 +127,14 @@ def _follow(look: Look, pixels: Cells, estimate: Estimate, expected: Any, checks
 
 
 def _needed(error: Any, limit: Any) -> Any:
-    """Count the samples whose mean brings an error below the limit: an even number."""
+    """Count the samples whose mean brings an error below the limit: an even number, above ENOUGH at most its double."""
     of_least = error * (UNTOUCHED[Kind.CLUTTER] * LEAST_SAMPLES**-FALL)
     count = LEAST_SAMPLES * dr.maximum(1, (of_least / limit) ** (1 / FALL))
     return 2 * mi.UInt32(dr.minimum(0.5 * count, ENOUGH))
 
 
 def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: Any) -> None:
-    """Take as many samples in each of these cells.
+    """Take the mean of so many samples in each of these cells; `counts` are even.
 
     How much every other of them differs from the rest tells how far off their mean is.
     """
@@ -176,7 +185,7 @@ def _refine(
     budget: float,
     depth: int,
 ) -> None:
-    """Look closer at cells that need it, and split those that need more; updates the estimates.
+    """Look closer at cells that need it, and average over or split those that need more; updates the estimates.
 
     `budget` is the sum of the squares of all errors that may be left.
     """
@@ -202,7 +211,7 @@ def _refine(
     remains = (estimate.error > limit) & some.inside
     split = dr.compress(remains)
     count = dr.width(split)
-    settled = dr.select(some.inside & ~remains, estimate.error, 0)
+    settled = dr.select(some.inside & (estimate.error <= limit), estimate.error, 0)  # NaN is neither
     left = max(budget - float(dr.sum(settled * settled)[0]), LEAST_BUDGET * budget)
     for begin in range(0, count, SPLIT_AT_ONCE):
         size = min(SPLIT_AT_ONCE, count - begin)

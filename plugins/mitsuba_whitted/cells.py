@@ -89,7 +89,7 @@ def norm(c: Any) -> Any:
 
 
 def pixels(look: Look, width: int, top: int, bottom: int) -> Cells:
-    """Sample all corners of the pixels of rows `top` to `bottom`, and make a cell of each."""
+    """Sample all corners of the pixels of rows `top` to `bottom`, and make a cell of each; not evaluated."""
     height = bottom - top
     size = opaque(mi.Vector3u(width, height, top))
     across, down = size.x + 1, size.y + 1
@@ -128,7 +128,10 @@ def _even_bits(x: Any) -> Any:
 
 
 def quarters(look: Look, cells: Cells, split: Any) -> Cells:
-    """Split the cells with these numbers into four each, row by row, and take the five samples that those lack."""
+    """Split the cells with these numbers into four each, row by row, and take the five samples that those lack.
+
+    They are not evaluated yet.
+    """
     count, samples = dr.width(split), 9 * dr.width(split)
     colours, paths = dr.empty(mi.Float, 4 * samples), dr.empty(mi.UInt32, samples)
     step = opaque(cells.step / 2)

@@ -28,7 +28,7 @@ FAR = 0.25
 """The same of all other pixels, of which most show nothing."""
 
 LEAST_FAR = 0.6
-"""With fewer than this, none of those is checked; below 1, every other one is."""
+"""With fewer than this, none of those is checked; below 1, those of every other column are."""
 
 MOST_CHECKS = 128
 
@@ -36,7 +36,7 @@ MOST_CHECKS = 128
 def checks(pixels: Cells, estimate: Estimate, errors: Histogram, target: float, count: int) -> Any:
     """Say how many samples more each pixel needs, so that what matters is not likely to hide there.
 
-    A hidden thing has the contrast of the edges around it, or, far from all edges, of those that are seen elsewhere.
+    A hidden thing has the contrast of the edges around it, or that of edges seen elsewhere: the mean of these.
     Unseen by k samples it fills about 1/k of a pixel, and adds (contrast / k)^2 to the sum of all squares, which may
     be count * target^2.
     """
@@ -45,11 +45,13 @@ def checks(pixels: Cells, estimate: Estimate, errors: Histogram, target: float, 
     typical = math.sqrt(np.sum(mixed * levels(target) ** 2) / max(mixed.sum(), 1))
     far = min(FAR * of_contrast * typical, MOST_CHECKS)
     every = math.ceil(1 / far) if far > LEAST_FAR else 0
+    # Below one check even next to the edge of most contrast.
     if NEAR * of_contrast * np.max(levels(target) * mixed.any(axis=0)) < 1 and not every:
         return opaque(dr.zeros(mi.UInt32, dr.width(pixels.inside)))
     some = (pixels.i + 2 * pixels.j) % opaque(mi.UInt32(max(every, 1))) == 0
     of_far = dr.select(some, opaque(mi.UInt32(math.ceil(far) if every else 0)), 0)
-    most = largest_around(pixels, dr.select(estimate.kind != Kind.SMOOTH.value, estimate.error, 0))
+    seen = (estimate.kind != Kind.SMOOTH.value) & (estimate.error > 0)  # which NaN is not
+    most = largest_around(pixels, dr.select(seen, estimate.error, 0))
     near = dr.maximum(NEAR * most, dr.select(most > 0, opaque(mi.Float(ANYWHERE * typical)), 0))
     of_near = mi.UInt32(dr.minimum(opaque(mi.Float(of_contrast)) * near, MOST_CHECKS))
     of_each = dr.maximum(of_near, of_far)
@@ -58,7 +60,7 @@ def checks(pixels: Cells, estimate: Estimate, errors: Histogram, target: float, 
 
 
 def largest_around(pixels: Cells, values: Any) -> Any:
-    """Find the largest value of each pixel and those that touch it; none is below 0."""
+    """Find the largest value of each pixel and those that touch it; none is below 0, or NaN."""
     across, down = pixels.across - 1, pixels.down - 1
     held = dr.zeros(mi.Float, pixels.samples)
     dr.scatter(held, values, pixels.j * across + pixels.i, pixels.inside)

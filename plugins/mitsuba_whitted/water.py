@@ -1,4 +1,4 @@
-"""Which cells need a closer look: those above the level to which errors are to be poured (water-filling)."""
+"""Which cells need a closer look: those above the level to which errors are to be poured (water-filling), about."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from mitsuba_whitted.tables import opaque
 # By kind. Fitted as told in `antialias`.
 
 FROM = np.array([0.5, 1.0, 1.0])
-"""A cell is refined if its error is above this part of the limit: one path takes a sample, an edge some ten."""
+"""A cell is refined if its error is above this part of the limit: one path takes just a sample, an edge some ten."""
 
 UNTOUCHED = np.array([0.4, 0.45, 0.8])
-"""Error of the cells that are not refined, in parts of what is estimated."""
+"""What errors turn out to be, in parts of what is estimated: they stay with the cells that are not refined."""
 
 LEFT = np.array([0.25, 0.4, 0.9])
-"""Error that a cell is left with where it is refined, in parts of the limit."""
+"""Error that a cell is left with where it is refined, in parts of the limit; never more than was estimated."""
 
 OCTAVES_BELOW, STEPS, BINS = 8, 4, 96
 """Errors are counted from so many octaves below the target, in so many steps an octave."""
@@ -52,9 +52,13 @@ def levels(target: float) -> NDArray[np.float64]:
     return of_bins
 
 
-def water_level(counts: Histogram, target: float, budget: float) -> float:
-    """Find the limit to which cells are refined, so that all that is left meets the budget."""
-    left = np.sum(counts * _SQUARES, axis=(1, 2)) * target**2
+def water_level(errors: Histogram, target: float, budget: float) -> float:
+    """Find the limit to which cells are refined, so that all that is left meets the budget.
+
+    The sum grows with the limit, but for a tenth at most where cells of one path cease to be refined (FROM): what is
+    found meets the budget in any case, though now and then a limit above it would too.
+    """
+    left = np.sum(errors * _SQUARES, axis=(1, 2)) * target**2
     return float(levels(target)[max(int(np.searchsorted(left, budget)) - 1, 0)])
 
 
