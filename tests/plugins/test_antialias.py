@@ -147,6 +147,127 @@ def test_a_strip_that_no_corner_meets_is_found(llvm_ad_rgb, scene_of):
     assert np.all(draw(scene, 3e-4)[strip, 0] > 0.5)
 
 
+def drawn(look, width, height, target):
+    """Draw what `look` shows without a scene: one channel, (height, width)."""
+    from mitsuba_whitted import antialias  # its names need a variant
+
+    band = antialias.refined(look, width, 0, height, target)
+    x, y, inside = (np.array(part) for part in band[:3])
+    picture = np.full((height, width), np.nan)
+    picture[y[inside], x[inside]] = np.array(band.colour)[0, inside]
+    return picture
+
+
+def test_an_average_is_the_mean_of_its_lattice_whatever_else_is_averaged(llvm_ad_rgb):
+    from mitsuba_whitted import antialias, cells
+    from mitsuba_whitted.corners import from_corners
+
+    def look(x, y, active):
+        return mi.Vector4f(x, y, x * y, 1), mi.UInt32(0)
+
+    chosen, counts = [3, 0, 17, 40], [14, 8, 200, 26]
+    some = cells.pixels(look, 8, 0, 8)
+
+    def averaged(*batches):
+        estimate, _ = from_corners(some, 1e-3)
+        before = np.array(estimate.value).reshape(-1, 4)
+        for batch in batches:
+            which, numbers = (mi.UInt32([part[n] for n in batch]) for part in (chosen, counts))
+            dr.make_opaque(which, numbers)  # a single number would be a constant of the kernel
+            antialias._average(look, some, estimate, which, numbers)
+        after = np.array(estimate.value).reshape(-1, 4)
+        others = np.setdiff1d(np.arange(len(after)), chosen)
+        assert np.array_equal(after[others], before[others])
+        return after[chosen], np.array(estimate.error)[chosen]
+
+    values, errors = averaged(range(4))
+    for one_by_one in (averaged([0], [1], [2], [3]), averaged([3, 1], [2, 0])):
+        assert np.array_equal(values, one_by_one[0])
+        assert np.array_equal(errors, one_by_one[1])
+    for cell, count, value in zip(chosen, counts, values, strict=True):
+        k = np.arange(count) + 0.5
+        x = np.array(some.x)[cell] + k / count
+        y = np.array(some.y)[cell] + k * antialias.GOLDEN_RATIO % 1
+        lattice = np.array([x, y, x * y, np.ones(count)])
+        # Each term: five roundings, of y one more of k g itself; count / 2 sums; and the share.
+        limit = (count / 2 + 8) * np.abs(lattice).mean(axis=1) + count * lattice.max(axis=1)
+        assert np.all(np.abs(value - lattice.mean(axis=1)) <= limit * 2.0**-24)
+
+
+@pytest.mark.parametrize("enough", [None, 32])
+def test_little_that_is_left_is_averaged_over_and_not_split(llvm_ad_rgb, scene_of, monkeypatch, enough):
+    from mitsuba_whitted import antialias
+
+    quarters, splits = antialias.cells.quarters, []
+    monkeypatch.setattr(antialias.cells, "quarters", lambda *some: splits.append(1) or quarters(*some))
+    if enough is not None:
+        monkeypatch.setattr(antialias, "ENOUGH", enough)
+    scene = scene_of(BODY, size=(24, 20))
+    assert rms(draw(scene, 3e-3) - grid(scene, 32)) <= 1.5 * 3e-3  # few pixels, as above
+    assert bool(splits) == (enough == 32)
+
+
+def test_checks_follow_the_contrast_around(llvm_ad_rgb):
+    from mitsuba_whitted import cells, hidden
+    from mitsuba_whitted.corners import from_corners
+
+    # A bright and a faint edge, upright through the middle of columns 10 and 40 of 64.
+    def look(x, y, active):
+        bright, faint = x > 10.5, x > 40.5
+        colour = dr.select(bright, mi.Float(1), 0) + dr.select(faint, mi.Float(0.1), 0)
+        path = dr.select(bright, mi.UInt32(1), 0) + dr.select(faint, mi.UInt32(1), 0)
+        return mi.Vector4f(colour, colour, colour, 1), path
+
+    target = 4e-3
+    some = cells.pixels(look, 64, 0, 16)
+    estimate, errors = from_corners(some, target)
+    of_each = np.array(hidden.checks(some, estimate, errors, target, 64 * 16))
+    found = np.zeros((16, 64), int)
+    inside = np.array(some.inside)
+    found[np.array(some.j)[inside], np.array(some.i)[inside]] = of_each[inside]
+    columns = found[0]
+    assert np.all(found == columns)
+    beside = np.isin(np.arange(64), [9, 10, 11]), np.isin(np.arange(64), [39, 40, 41])
+    # What hides fills 1/k of a pixel with the contrast around: as much as the whole target. To the faint edge falls
+    # most of the mean contrast, (1 + 0.01) / 2 in squares.
+    whole = 1 / (target * math.sqrt(64 * 16))
+    assert np.all(columns[beside[0]] == int(hidden.NEAR * whole))
+    assert np.all(np.abs(columns[beside[1]] - hidden.ANYWHERE * whole * math.sqrt(0.505)) <= 1)
+    far = columns[~beside[0] & ~beside[1]]
+    assert np.all(far == far[0])
+    assert far[0] < columns[40] < columns[10]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+@pytest.mark.parametrize("target", [1e-2, 1e-4])
+def test_colours_that_are_no_numbers_stay_where_they_are(llvm_ad_rgb, bad, target):
+    # Two discs side by side, one of them of such a colour.
+    def look(x, y, active):
+        left, right = ((x - middle) ** 2 + (y - 20) ** 2 < 50 for middle in (16, 40))
+        colour = dr.select(left, mi.Float(bad), dr.select(right, mi.Float(1), 0))
+        path = dr.select(left, mi.UInt32(1), dr.select(right, mi.UInt32(2), 0))
+        return mi.Vector4f(colour, colour, colour, 1), path
+
+    picture = drawn(look, 56, 40, target)
+    y, x = np.mgrid[:40, :56] + 0.5
+    assert np.all(np.isfinite(picture[np.hypot(x - 16, y - 20) > math.sqrt(50) + 1.5]))
+    # Errors of opposite sign make up for each other in the sum: it is off by less than if all had one.
+    assert abs(picture[:, 28:].sum() - 50 * math.pi) <= target * 40 * 28
+
+
+@pytest.mark.parametrize("target", [5e-324, 1e-200, 1e-39, 1e39, 1e200, 1e308])
+def test_targets_beyond_the_range_of_colours_are_all_or_nothing(llvm_ad_rgb, target):
+    from mitsuba_whitted.edges import FINEST
+
+    def look(x, y, active):
+        inside = x > 2.25
+        colour = dr.select(inside, mi.Float(1), 0)
+        return mi.Vector4f(colour, colour, colour, 1), dr.select(inside, mi.UInt32(1), 0)
+
+    column, finest = (0.75, FINEST) if target < 1 else (0.5, 0)  # found by bisection; by the corners
+    assert np.all(np.abs(drawn(look, 6, 3, target) - [0, 0, column, 1, 1, 1]) <= finest)
+
+
 def test_no_launch_over_all_pixels_is_done_twice(llvm_ad_rgb, scene_of):
     # Estimates and cells are named tuples, which dr.eval passes by: each launch would compute them anew.
     scene = scene_of(BODY, size=(96, 80))
