@@ -122,6 +122,7 @@ def _follow(look: Look, pixels: Cells, estimate: Estimate, expected: Any, checks
         if not dr.any(surprised):
             break
         expected |= surprised
+        dr.eval(expected)  # else every round would be another kernel
         more = around(pixels, surprised) & (estimate.error <= limit)
         _look(look, pixels, estimate, more, checks + MORE_CHECKS, limit)
 
