@@ -16,7 +16,7 @@ def test_a_target_goes_with_no_grid_and_not_with_the_reference(tmp_path, capsys,
     assert not picture.exists()
 
 
-@pytest.mark.parametrize("value", ["0", "-1", "soon"])
+@pytest.mark.parametrize("value", ["0", "-1", "soon", "nan", "inf"])
 def test_a_target_is_a_positive_number(tmp_path, capsys, value):
     assert run(["render", "lambert", "--target-error", value, "-o", str(tmp_path / "picture.npy")]) == 2
     assert "--target-error" in capsys.readouterr().err

@@ -146,6 +146,8 @@ def render(
         raise Refusal("--reference draws without Mitsuba and takes none of -m, -t, -v and --stats")
     if target_error is not None and (grid or reference):
         raise Refusal("--target-error chooses the samples itself and takes neither --grid nor --reference")
+    if target_error is not None and not target_error < math.inf:  # click's range lets NaN through
+        raise Refusal(f"--target-error {target_error:g}: allowed is any finite number above 0")
     scene_file = request.seen.file  # what is wrong with the scene comes before what is wrong with the output
     picture_file = Path(output or Path(request.scene).with_suffix(".exr"))
     picture_files.check_writable(picture_file, exposure)
