@@ -21,6 +21,7 @@ The target is kept by estimates, not proven; a thing that no sample meets stays 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -176,6 +177,15 @@ def _look(look: Look, some: Cells, estimate: Estimate, closer: Any, checks: Any,
         look_closer(look, some, estimate, close, dr.gather(mi.UInt32, checks, close), limit)
 
 
+def _batches(numbers: Any) -> Iterator[Any]:
+    """Go through the numbers of cells, so many as one launch may take at a time."""
+    for begin in range(0, dr.width(numbers), SPLIT_AT_ONCE):
+        lane = dr.arange(mi.UInt32, min(SPLIT_AT_ONCE, dr.width(numbers) - begin))
+        batch = dr.gather(mi.UInt32, numbers, lane + opaque(mi.UInt32(begin)))
+        dr.eval(batch)
+        yield batch
+
+
 def _refine(
     look: Look,
     some: Cells,
@@ -204,26 +214,19 @@ def _refine(
     if dr.sum(mi.UInt64(needed))[0] <= ENOUGH:
         _average(look, some, estimate, wrong, needed)
         return
-    few = dr.gather(mi.UInt32, wrong, dr.compress(needed <= LEAST_SAMPLES))
-    for begin in range(0, dr.width(few), SPLIT_AT_ONCE):
-        size = min(SPLIT_AT_ONCE, dr.width(few) - begin)
-        averaged = dr.gather(mi.UInt32, few, dr.arange(mi.UInt32, size) + opaque(mi.UInt32(begin)))
-        _average(look, some, estimate, averaged, opaque(dr.full(mi.UInt32, LEAST_SAMPLES, size)))
-    remains = (estimate.error > limit) & some.inside
-    split = dr.compress(remains)
-    count = dr.width(split)
+    for few in _batches(dr.compress(needed <= LEAST_SAMPLES)):
+        _average(look, some, estimate, dr.gather(mi.UInt32, wrong, few), dr.gather(mi.UInt32, needed, few))
+    split = dr.compress((estimate.error > limit) & some.inside)
     settled = dr.select(some.inside & (estimate.error <= limit), estimate.error, 0)  # NaN is neither
     left = max(budget - float(dr.sum(settled * settled)[0]), LEAST_BUDGET * budget)
-    for begin in range(0, count, SPLIT_AT_ONCE):
-        size = min(SPLIT_AT_ONCE, count - begin)
-        chosen = dr.gather(mi.UInt32, split, dr.arange(mi.UInt32, size) + opaque(mi.UInt32(begin)))
-        dr.eval(chosen)
+    for chosen in _batches(split):
+        size = dr.width(chosen)
         parts = cells.quarters(look, some, chosen)
         of_parts, of_errors = from_corners(parts, target)
         if depth > 1:
             fewer = dr.gather(mi.UInt32, checks, dr.repeat(chosen, 4)) // 2
             dr.eval(fewer)
-            _refine(look, parts, of_parts, of_errors, fewer, target, left * size / count, depth - 1)
+            _refine(look, parts, of_parts, of_errors, fewer, target, left * size / dr.width(split), depth - 1)
         part = 4 * dr.arange(mi.UInt32, size)
         mean = sum(dr.gather(mi.Vector4f, of_parts.value, part + k) for k in range(4)) * 0.25
         dr.scatter(estimate.value, mean, chosen)

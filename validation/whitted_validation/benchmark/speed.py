@@ -164,9 +164,8 @@ def run(schedule: Schedule, folder: Path, results: Results, told: Callable[[str]
         told(f"random scene {seed}")
         row = _random(seed, schedule, folder)
         if row.comparison and row.comparison.cpu.most < 1:
-            row = _random(
-                seed, schedule, folder
-            )  # two processes may differ for as long as they live: two new ones decide
+            # Two processes may differ for as long as they live: two new ones decide.
+            row = _random(seed, schedule, folder)
         results.random[seed] = row
         yield
     file = scenes.write("a", folder)
