@@ -28,12 +28,13 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_whitted import cells
-from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, norm
+from mitsuba_whitted.averages import ENOUGH, average, average_to, needed
+from mitsuba_whitted.cells import Cells, Estimate, Kind, Look
 from mitsuba_whitted.corners import from_corners
-from mitsuba_whitted.edges import look_closer
-from mitsuba_whitted.hidden import around, checks
+from mitsuba_whitted.edges import MORE_CHECKS, look_closer
+from mitsuba_whitted.hidden import checks, largest_around
 from mitsuba_whitted.tables import opaque
-from mitsuba_whitted.water import FROM, UNTOUCHED, Histogram, water_level
+from mitsuba_whitted.water import FROM, LEAST_SAMPLES, UNTOUCHED, Histogram, water_level
 
 DEPTH = 8
 """How often a pixel can be split: to 1/256."""
@@ -49,10 +50,10 @@ hangs on them.
 FOLLOWED = 8
 """What was hidden is followed over so many pixels."""
 
-MORE_CHECKS = 4
-"""Checks there, besides those that a pixel needs anyway."""
+WORTH_FOLLOWING = 0.5
+"""As long as the squares of the errors that it made come to more than this part of the budget: as much may come."""
 
-AIM = 0.67
+AIM = 0.65
 """Aimed at, in parts of the target error, for what is not foreseen."""
 
 SMALLEST, LARGEST = 2.0**-100, 2.0**100
@@ -60,25 +61,6 @@ SMALLEST, LARGEST = 2.0**-100, 2.0**100
 
 LEAST_BUDGET = 0.15
 """Share of the error that the parts of split cells may make at least, should the rest have spent it all."""
-
-LEAST_SAMPLES = 8
-"""Of a cell that is averaged over."""
-
-FALL = 0.75
-"""The error falls with this power of the samples, as long as edges cross the cell at random."""
-
-ENOUGH = 3 << 14
-"""Samples that take no longer than to split once more would: some launches, however few the cells. Where so many
-suffice for all that is left, nothing more is split.
-"""
-
-GOLDEN_RATIO = 0.6180339887
-"""Less 1. Samples of an average lie at k / n, k g (modulo 1), k from 1/2: evenly spread for any n (Niederreiter 1992,
-chapter 3).
-"""
-
-OF_HALVES = 0.4
-"""Error of such an average, in parts of how much two halves of the samples differ."""
 
 
 class Band(NamedTuple):
@@ -116,65 +98,32 @@ def refined(look: Look, width: int, top: int, bottom: int, target: float) -> Ban
     return Band(pixels.i, pixels.j + opaque(mi.UInt32(top)), pixels.inside, colour)
 
 
-def _follow(look: Look, pixels: Cells, estimate: Estimate, expected: Any, checks: Any, limit: Any) -> None:
+def _follow(look: Look, pixels: Cells, estimate: Estimate, known: Any, checks: Any, limit: Any, budget: float) -> None:
     """Where something was hidden, look for more of it in the pixels around, and around these."""
     for _ in range(FOLLOWED):
-        surprised = pixels.inside & (estimate.error > limit) & ~expected
-        if not dr.any(surprised):
+        surprised = pixels.inside & (estimate.error > limit) & ~known
+        found = dr.select(surprised, estimate.error, 0)
+        if not float(dr.sum(found * found)[0]) > WORTH_FOLLOWING * budget:
             break
-        expected |= surprised
-        dr.eval(expected)  # else every round would be another kernel
-        more = around(pixels, surprised) & (estimate.error <= limit)
-        _look(look, pixels, estimate, more, checks + MORE_CHECKS, limit)
+        known |= surprised
+        places = largest_around(pixels, mi.Float(dr.select(surprised, dr.maximum(estimate.surprise, 1), 0)))
+        follow = dr.select(estimate.error <= limit, mi.UInt32(places), 0)
+        dr.eval(known, follow)  # else every round would be another kernel
+        _look(look, pixels, estimate, follow > 0, checks + MORE_CHECKS, follow, limit)
 
 
-def _needed(error: Any, limit: Any) -> Any:
-    """Count the samples whose mean brings an error below the limit: an even number, above ENOUGH at most its double."""
-    of_least = error * (UNTOUCHED[Kind.CLUTTER] * LEAST_SAMPLES**-FALL)
-    count = LEAST_SAMPLES * dr.maximum(1, (of_least / limit) ** (1 / FALL))
-    return 2 * mi.UInt32(dr.minimum(0.5 * count, ENOUGH))
-
-
-def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: Any) -> None:
-    """Take the mean of so many samples in each of these cells; `counts` are even.
-
-    How much every other of them differs from the rest tells how far off their mean is.
-    """
-    ends = dr.cumsum(counts)
-    first, width = ends - counts, dr.width(chosen)
-    samples = int(ends[width - 1])
-    begins = dr.zeros(mi.UInt32, samples)
-    dr.scatter(begins, mi.UInt32(1), first, dr.arange(mi.UInt32, width) > 0)
-    cell = dr.cumsum(begins)
-    here = some.some(dr.gather(mi.UInt32, chosen, cell))
-    k = mi.Float(dr.arange(mi.UInt32, samples) - dr.gather(mi.UInt32, first, cell)) + 0.5
-    x, y = k / mi.Float(dr.gather(mi.UInt32, counts, cell)), k * GOLDEN_RATIO
-    colour, _ = look(dr.fma(x, here.step, here.x), dr.fma(y - dr.floor(y), here.step, here.y), mi.Bool(True))
-    colours = dr.ravel(colour)
-    dr.eval(colours)  # else the sums would trace anew
-
-    def add(k: Any, even: Any, odd: Any) -> Any:
-        return k + 2, even + dr.gather(mi.Vector4f, colours, k), odd + dr.gather(mi.Vector4f, colours, k + 1)
-
-    state = (first, mi.Vector4f(0), mi.Vector4f(0))
-    summed: Any = dr.while_loop(state, lambda k, *_: k < ends, add, label="average")
-    _, even, odd = summed
-    share = dr.rcp(mi.Float(counts))
-    mean = (even + odd) * share
-    before = dr.gather(mi.Float, estimate.error, chosen)
-    error = norm((even - odd) * share) * (2 * OF_HALVES) * (some.step * some.step)
-    error = dr.maximum(error, 0.5 * before * share**FALL)
-    dr.eval(mean, error)
-    dr.scatter(estimate.value, mean, chosen)
-    dr.scatter(estimate.error, error, chosen)
-    dr.eval(*estimate)
-
-
-def _look(look: Look, some: Cells, estimate: Estimate, closer: Any, checks: Any, limit: Any) -> None:
+def _look(look: Look, some: Cells, estimate: Estimate, closer: Any, checks: Any, follow: Any, limit: Any) -> None:
     """Look closer at the cells that need it, if there are any."""
     close = dr.compress(closer)
     if dr.width(close):
-        look_closer(look, some, estimate, close, dr.gather(mi.UInt32, checks, close), limit)
+        checks, follow = dr.gather(mi.UInt32, checks, close), dr.gather(mi.UInt32, follow, close)
+        look_closer(look, some, estimate, close, checks, follow, limit)
+
+
+def _left(some: Cells, estimate: Estimate, share: Any, limit: Any, budget: float) -> float:
+    """Tell what of the budget is left by the cells that are done, each with its `share` of what is estimated."""
+    settled = dr.select(some.inside & (estimate.error <= limit), estimate.error * share, 0)  # NaN is neither
+    return max(budget - float(dr.sum(settled * settled)[0]), LEAST_BUDGET * budget)
 
 
 def _batches(numbers: Any) -> Iterator[Any]:
@@ -204,21 +153,25 @@ def _refine(
     smooth, clutter = (estimate.kind == kind.value for kind in (Kind.SMOOTH, Kind.CLUTTER))
     expected = (estimate.error > dr.select(smooth, FROM[Kind.SMOOTH] * limit, limit)) & some.inside
     closer = dr.select(clutter, ~expected, expected | (checks > 0)) & some.inside
-    _look(look, some, estimate, closer, checks, limit)
+    _look(look, some, estimate, closer, checks, opaque(dr.zeros(mi.UInt32, dr.width(checks))), limit)
     if depth == DEPTH:
-        _follow(look, some, estimate, expected | clutter, checks, limit)
+        known = expected & ~(smooth & (estimate.surprise > 0))
+        _follow(look, some, estimate, known, checks, limit, budget)
+    hidden = smooth & (estimate.surprise > 0)
     wrong = dr.compress((estimate.error > limit) & some.inside)
     if not dr.width(wrong):
         return
-    needed = _needed(dr.gather(mi.Float, estimate.error, wrong), limit)
-    if dr.sum(mi.UInt64(needed))[0] <= ENOUGH:
-        _average(look, some, estimate, wrong, needed)
+    untouched = dr.select(smooth, mi.Float(UNTOUCHED[Kind.SMOOTH]), UNTOUCHED[Kind.EDGE])
+    share = dr.select(closer | expected, 1, untouched)
+    hides = dr.gather(mi.Bool, hidden, wrong)
+    counts = needed(dr.gather(mi.Float, estimate.error, wrong), hides, limit)
+    if dr.sum(mi.UInt64(counts))[0] <= ENOUGH:
+        average_to(look, some, estimate, wrong, counts, _left(some, estimate, share, limit, budget))
         return
-    for few in _batches(dr.compress(needed <= LEAST_SAMPLES)):
-        _average(look, some, estimate, dr.gather(mi.UInt32, wrong, few), dr.gather(mi.UInt32, needed, few))
+    for few in _batches(dr.compress((counts <= LEAST_SAMPLES) | hides)):
+        average(look, some, estimate, dr.gather(mi.UInt32, wrong, few), dr.gather(mi.UInt32, counts, few))
     split = dr.compress((estimate.error > limit) & some.inside)
-    settled = dr.select(some.inside & (estimate.error <= limit), estimate.error, 0)  # NaN is neither
-    left = max(budget - float(dr.sum(settled * settled)[0]), LEAST_BUDGET * budget)
+    left = _left(some, estimate, share, limit, budget)
     for chosen in _batches(split):
         size = dr.width(chosen)
         parts = cells.quarters(look, some, chosen)

@@ -40,6 +40,8 @@ class Estimate(NamedTuple):
     error: Any
     """What is expected to be wrong with the colour, times the cell's share of the pixel."""
     kind: Any
+    surprise: Any
+    """Where a sample was not what was expected: one more than the number of its place (`edges.place`), or 0."""
 
 
 class Cells(NamedTuple):

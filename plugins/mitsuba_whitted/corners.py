@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_whitted.cells import Cells, Estimate, Kind, norm
+from mitsuba_whitted.tables import opaque
 from mitsuba_whitted.water import Histogram, counts, histogram
 
 # Fitted as told in `antialias`.
@@ -51,7 +52,8 @@ def from_corners(some: Cells, target: float) -> tuple[Estimate, Histogram]:
     count = dr.width(some.x)
     value = dr.empty(mi.Float, 4 * count)
     dr.scatter(value, (colours[0] + colours[1] + colours[2] + colours[3]) * 0.25, dr.arange(mi.UInt32, count))
-    estimate, errors = Estimate(value, error, kind), counts(error, kind, some.inside, target)
+    estimate = Estimate(value, error, kind, opaque(dr.zeros(mi.UInt32, count)))
+    errors = counts(error, kind, some.inside, target)
     dr.eval(*some[:-1], *estimate, errors)  # together: one kernel
     return estimate, histogram(errors)
 

@@ -51,6 +51,20 @@ SURPRISE = 0.7
 GOLDEN = 0.7548776662, 0.5698402910
 """Steps of checks: 1 / g and 1 / g^2 with g^3 = g + 1, for which points are spread most evenly (Roberts 2018)."""
 
+APART = 13, 7
+"""Places of checks by which a pixel is ahead of its neighbours: a strip along a row that one pixel's miss, another's
+meet.
+"""
+
+PLACES = 1024
+"""Places before they are used again: fewer than float32 tells apart."""
+
+MORE_CHECKS = 12
+"""Checks, besides those that a pixel needs anyway, where something was hidden in a neighbour."""
+
+NEARBY = 0.5
+"""Side of the square about the same place in which they lie: what hides is thin, and goes on nearly straight."""
+
 _SEARCH, _AT_A, _AT_B, _CENTRE, _CHECK, _OVER = range(6)
 """Phases of a look: for the bulge of the edge, at the centroid of either part, at the centre of the cell, wherever
 something may hide; done."""
@@ -76,11 +90,12 @@ class _Parts(NamedTuple):
     """Whether a crossing of one of the sides was not found."""
 
 
-def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks: Any, limit: Any) -> None:
+def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks: Any, follow: Any, limit: Any) -> None:
     """Take samples inside cells of one path, and find the edge in those of two.
 
-    Then it takes so many `checks` of each, spread evenly. Updates the estimates of the cells `close`; where what is
-    seen does not fit, or the error is still above `limit`, the values are left as they are.
+    Then it takes so many `checks` of each, spread evenly; first about the place of a neighbour's surprise, where there
+    is one to `follow`. Updates the estimates of the cells `close`; where what is seen does not fit, or the error is
+    still above `limit`, the values are left as they are.
     """
     kind = dr.gather(mi.UInt32, estimate.kind, close)
     two, several = kind == Kind.EDGE.value, kind == Kind.CLUTTER.value
@@ -102,11 +117,21 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     failed = is_edge & parts.unclear
     start = dr.select(failed, mi.UInt32(_OVER), dr.select(is_edge, of_edge, mi.UInt32(_CENTRE)))
 
+    first_place = (APART[0] * here.i + APART[1] * here.j) % PLACES
     corners = [here.colour(sample) for sample in here.corners()]
     along = mi.Vector2f(-parts.away.y, parts.away.x)
 
     def step(
-        phase: Any, k: Any, outward: Any, low: Any, high: Any, colour_a: Any, colour_b: Any, failed: Any, off: Any
+        phase: Any,
+        k: Any,
+        outward: Any,
+        low: Any,
+        high: Any,
+        colour_a: Any,
+        colour_b: Any,
+        failed: Any,
+        off: Any,
+        surprise: Any,
     ) -> Any:
         """Look once. The bulge lies between `low` and `high`, to B if `outward` is 1, to A if it is -1."""
         first = outward == 0
@@ -115,8 +140,12 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
         inside = dr.select(phase == _CENTRE, mi.Point2f(0.5), at_centroid)
         checking = phase == _CHECK
         k = dr.select(checking, k + 1, k)
-        place = mi.Point2f(0.5) + mi.Float(k) * mi.Point2f(*GOLDEN)
-        inside = dr.select(checking, place - dr.floor(place), inside)
+        number = first_place + k
+        to_check = place(number)
+        nearby = place(follow - 1) + dr.select(k == 1, 0, NEARBY * (to_check - 0.5))
+        following = (follow > 0) & (k <= MORE_CHECKS)
+        to_check = dr.select(following, dr.clip(nearby, 0, 1), to_check)
+        inside = dr.select(checking, to_check, inside)
         at = dr.select(phase == _SEARCH, parts.middle + outward * bulge * parts.away, inside)
         alive = phase != _OVER
         colour, path = look(dr.fma(at.x, here.step, here.x), dr.fma(at.y, here.step, here.y), alive)
@@ -145,13 +174,14 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
         unlike = area * SURPRISE * distance > limit
         unlike |= is_edge & (~known | (other_side & (BULGE * weight * parts.length * dr.abs(beyond) > 2 * limit)))
         failed |= (checking | (several & (phase == _CENTRE))) & unlike
+        surprise = dr.select(failed, dr.select(checking, number, 0) + 1, surprise)
         off = dr.maximum(off, dr.select(failed, distance, 0))
         colour_a = dr.select((phase == _AT_A) | (phase == _CENTRE), colour, colour_a)
         colour_b = dr.select(phase == _AT_B, colour, colour_b)
         after_check = dr.select(checking & (k >= checks), mi.UInt32(_OVER), checked)
-        following = dr.select(searching, after_search, dr.select(phase == _AT_A, after_a, after_check))
-        phase = dr.select(searching & ~found, phase, following)
-        return dr.select(failed, mi.UInt32(_OVER), phase), k, outward, low, high, colour_a, colour_b, failed, off
+        after = dr.select(searching, after_search, dr.select(phase == _AT_A, after_a, after_check))
+        phase = dr.select(failed, mi.UInt32(_OVER), dr.select(searching & ~found, phase, after))
+        return phase, k, outward, low, high, colour_a, colour_b, failed, off, surprise
 
     state = (
         start,
@@ -163,9 +193,10 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
         parts.mean_b,
         failed,
         mi.Float(0),
+        mi.UInt32(0),
     )
     looked: Any = dr.while_loop(state, lambda phase, *_: phase != _OVER, step, label="edges")
-    _, _, outward, low, high, colour_a, colour_b, failed, off = looked
+    _, _, outward, low, high, colour_a, colour_b, failed, off, surprise = looked
 
     bulge = outward * 0.5 * (low + dr.select(high > 1, low, high))
     area_a = dr.clip(parts.area_a + (2 / 3) * bulge * parts.length, 0, 1)  # Archimedes: a parabola over its chord
@@ -176,13 +207,21 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     of_centre = (of_corners + 2 * colour_a) * (1 / 3)  # exact for polynomials up to the third degree
     value = dr.select(is_edge, of_edge, of_centre)
     error = dr.select(is_edge, edge_error, area * norm(colour_a - of_corners) * SIMPSON)
+    off = dr.maximum(off, dr.select(two, contrast, 0))
     before = dr.maximum(dr.gather(mi.Float, estimate.error, close), OF_RANGE * area * off)
     error = dr.select(failed, dr.maximum(before, 1.001 * limit), error)
-    dr.eval(value, error)  # here, since each scatter may start a kernel of its own
+    dr.eval(value, error, surprise)  # here, since each scatter may start a kernel of its own
     good = error <= limit
     dr.scatter(estimate.value, value, close, good)
     dr.scatter(estimate.error, error, close)
+    dr.scatter(estimate.surprise, surprise, close)
     dr.eval(*estimate)
+
+
+def place(number: Any) -> Any:
+    """Find the place of a check in a cell, in parts of its side; number 0 is the centre."""
+    at = mi.Point2f(0.5) + mi.Float(number) * mi.Point2f(*GOLDEN)
+    return at - dr.floor(at)
 
 
 def _between(corners: list[Any], at: Any) -> Any:

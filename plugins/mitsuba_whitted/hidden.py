@@ -71,8 +71,3 @@ def largest_around(pixels: Cells, values: Any) -> Any:
             there = pixels.inside & (i >= 0) & (j >= 0) & (i < mi.Int32(across)) & (j < mi.Int32(down))
             found = dr.maximum(found, dr.gather(mi.Float, held, mi.UInt32(j) * across + mi.UInt32(i), there))
     return found
-
-
-def around(pixels: Cells, some: Any) -> Any:
-    """Mark pixels that touch one of these, and those themselves."""
-    return largest_around(pixels, dr.select(some, mi.Float(1), 0)) > 0

@@ -19,8 +19,17 @@ FROM = np.array([0.5, 1.0, 1.0])
 UNTOUCHED = np.array([0.4, 0.45, 0.8])
 """What errors turn out to be, in parts of what is estimated: they stay with the cells that are not refined."""
 
-LEFT = np.array([0.25, 0.4, 0.9])
+LEFT = np.array([0.25, 0.4, 0.6])
 """Error that a cell is left with where it is refined, in parts of the limit; never more than was estimated."""
+
+LEAST_SAMPLES = 8
+"""Of a cell that is averaged over."""
+
+FALL = 0.75
+"""The error falls with this power of the samples, as long as edges cross the cell at random."""
+
+AVERAGED = float(UNTOUCHED[2]) * LEAST_SAMPLES**-FALL
+"""Error of the least average of a cell, in parts of what was estimated before. Below the limit it is all there is."""
 
 OCTAVES_BELOW, STEPS, BINS = 8, 4, 96
 """Errors are counted from so many octaves below the target, in so many steps an octave."""
@@ -66,6 +75,7 @@ def _squares() -> NDArray[np.float64]:
     """Tell what a cell adds to the sum of squares, by limit, kind and error: (BINS, 3, BINS), for a target of 1."""
     error, limit = levels(1), levels(1)[:, None, None]
     refined = np.minimum(error, LEFT[:, None] * limit)
+    refined[:, 2] = np.where(AVERAGED * error <= limit[:, 0], AVERAGED * error, LEFT[2] * limit[:, 0])
     found: NDArray[np.float64] = np.where(error > FROM[:, None] * limit, refined, UNTOUCHED[:, None] * error) ** 2
     return found
 

@@ -1,0 +1,120 @@
+"""Cells that are averaged over: with how many samples, how far off the mean is, and with more where that is too far."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_whitted.cells import Cells, Estimate, Look, norm
+from mitsuba_whitted.water import AVERAGED, FALL, LEAST_SAMPLES
+
+# Fitted as told in `antialias`.
+
+ENOUGH = 3 << 14
+"""Samples that take no longer than to split once more would: some launches, however few the cells. Where so many
+suffice for all that is left, nothing more is split.
+"""
+
+GOLDEN_RATIO = 0.6180339887
+"""Less 1. Samples of an average lie at k / n, k g (modulo 1), k from 1/2: evenly spread for any n (Niederreiter 1992,
+chapter 3).
+"""
+
+OF_HALVES = 0.4
+"""Error of such an average, in parts of how much two halves of the samples differ."""
+
+OF_HIDDEN = 2 * LEAST_SAMPLES
+"""Samples at least where something hides: what one of some checks met is small, and few samples may miss it again."""
+
+TOLERANCE = 1.15
+"""Errors measured together may be above those asked for by this factor: the measure is no better."""
+
+MOST_AGAIN = 2
+"""So often are averages taken again with more samples."""
+
+MOST_MORE = 8
+"""With so many times the samples at most."""
+
+
+def needed(error: Any, hidden: Any, limit: Any) -> Any:
+    """Count the samples whose mean brings an error below the limit: an even number, above ENOUGH at most its double."""
+    count = LEAST_SAMPLES * dr.maximum(1, (AVERAGED * error / limit) ** (1 / FALL))
+    count = dr.maximum(count, dr.select(hidden, mi.Float(OF_HIDDEN), 0))
+    return 2 * mi.UInt32(dr.minimum(0.5 * count, ENOUGH))
+
+
+def average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: Any) -> None:
+    """Take the mean of so many samples in each of these cells; `counts` are even.
+
+    How much every other of them differs from the rest tells how far off their mean is.
+    """
+    ends = dr.cumsum(counts)
+    first, width = ends - counts, dr.width(chosen)
+    samples = int(ends[width - 1])
+    begins = dr.zeros(mi.UInt32, samples)
+    dr.scatter(begins, mi.UInt32(1), first, dr.arange(mi.UInt32, width) > 0)
+    cell = dr.cumsum(begins)
+    here = some.some(dr.gather(mi.UInt32, chosen, cell))
+    k = mi.Float(dr.arange(mi.UInt32, samples) - dr.gather(mi.UInt32, first, cell)) + 0.5
+    x, y = k / mi.Float(dr.gather(mi.UInt32, counts, cell)), k * GOLDEN_RATIO
+    colour, _ = look(dr.fma(x, here.step, here.x), dr.fma(y - dr.floor(y), here.step, here.y), mi.Bool(True))
+    colours = dr.ravel(colour)
+    dr.eval(colours)  # else the sums would trace anew
+
+    def add(k: Any, even: Any, odd: Any) -> Any:
+        return k + 2, even + dr.gather(mi.Vector4f, colours, k), odd + dr.gather(mi.Vector4f, colours, k + 1)
+
+    state = (first, mi.Vector4f(0), mi.Vector4f(0))
+    summed: Any = dr.while_loop(state, lambda k, *_: k < ends, add, label="average")
+    _, even, odd = summed
+    share = dr.rcp(mi.Float(counts))
+    mean = (even + odd) * share
+    before = dr.gather(mi.Float, estimate.error, chosen)
+    error = norm((even - odd) * share) * (2 * OF_HALVES) * (some.step * some.step)
+    error = dr.maximum(error, 0.5 * before * share**FALL)
+    dr.eval(mean, error)
+    dr.scatter(estimate.value, mean, chosen)
+    dr.scatter(estimate.error, error, chosen)
+    dr.eval(*estimate)
+
+
+def average_to(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: Any, budget: float) -> None:
+    """Average over these cells until the squares of the errors that this shows come to about the budget."""
+    before = np.array(dr.gather(mi.Float, estimate.error, chosen), dtype=np.float64)
+    samples = np.array(counts)
+    average(look, some, estimate, chosen, counts)
+    for _ in range(MOST_AGAIN):
+        error = _steadied(np.array(dr.gather(mi.Float, estimate.error, chosen)), before * samples**-FALL)
+        squares = float(np.sum(error**2))
+        if not TOLERANCE**2 * budget < squares < np.inf:  # nor NaN
+            break
+        limit = _level(error, budget)
+        again = np.flatnonzero(error > limit)
+        more = np.minimum((error[again] / limit) ** (1 / FALL), MOST_MORE)
+        samples[again] = 2 * np.ceil(0.5 * samples[again] * more)
+        cells = dr.gather(mi.UInt32, chosen, mi.UInt32(again.astype(np.uint32)))
+        average(look, some, estimate, cells, mi.UInt32(samples[again]))
+
+
+def _steadied(measured: NDArray[np.float32], foreseen: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Let errors measured by two halves each, and so by chance large or small, be half as they were foreseen.
+
+    These are brought to the same sum of squares, which is what the measured ones are good for.
+    """
+    squares, of_foreseen = measured.astype(np.float64) ** 2, foreseen**2
+    scale = np.sum(squares) / max(np.sum(of_foreseen), np.finfo(float).tiny)
+    found: NDArray[np.float64] = np.sqrt(0.5 * squares + 0.5 * scale * of_foreseen)
+    return found
+
+
+def _level(errors: NDArray[np.float64], budget: float) -> float:
+    """Find the limit such that the squares of the errors, none of them above it, come to the budget."""
+    rising = np.sort(errors) ** 2
+    below = np.cumsum(rising) - rising
+    above = np.arange(len(rising), 0, -1)
+    k = int(np.searchsorted(below + above * rising, budget))  # the first that is above the limit
+    return float(np.sqrt((budget - below[k]) / above[k]))
