@@ -26,6 +26,8 @@ from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
 
 from mitsuba_whitted import cells
 from mitsuba_whitted.averages import ENOUGH, average, average_to, needed
@@ -44,8 +46,9 @@ SPLIT_AT_ONCE = 1 << 17
 hangs on them.
 """
 
-# What follows, and in `corners`, `water`, `hidden` and `edges`, was fitted on scenes a, b and c of the benchmark with
-# seeds 1, 2, 11, 12, 13, 370324 and 3703242033 and on the random scenes 1000 to 1039, then left alone.
+# What follows, and in `averages`, `corners`, `water`, `hidden` and `edges`, was fitted on scenes a, b and c of the
+# benchmark with seeds 1, 2, 11, 12, 13, 370324 and 3703242033, and on the random scenes 1000 to 1039, 2319633131 to
+# 2319633160 and 2648890011 to 2648890040, then left alone.
 
 FOLLOWED = 8
 """What was hidden is followed over so many pixels."""
@@ -126,13 +129,14 @@ def _left(some: Cells, estimate: Estimate, share: Any, limit: Any, budget: float
     return max(budget - float(dr.sum(settled * settled)[0]), LEAST_BUDGET * budget)
 
 
-def _batches(numbers: Any) -> Iterator[Any]:
-    """Go through the numbers of cells, so many as one launch may take at a time."""
-    for begin in range(0, dr.width(numbers), SPLIT_AT_ONCE):
-        lane = dr.arange(mi.UInt32, min(SPLIT_AT_ONCE, dr.width(numbers) - begin))
-        batch = dr.gather(mi.UInt32, numbers, lane + opaque(mi.UInt32(begin)))
+def _batches(numbers: Any, sizes: NDArray[Any], most: int) -> Iterator[Any]:
+    """Go through the numbers of cells, in turns of about `most` by their sizes."""
+    begin = 0
+    for end in np.flatnonzero(np.diff((np.cumsum(sizes) - 1) // most, append=-1)) + 1:
+        batch = dr.gather(mi.UInt32, numbers, dr.arange(mi.UInt32, int(end) - begin) + opaque(mi.UInt32(begin)))
         dr.eval(batch)
         yield batch
+        begin = int(end)
 
 
 def _refine(
@@ -168,11 +172,12 @@ def _refine(
     if dr.sum(mi.UInt64(counts))[0] <= ENOUGH:
         average_to(look, some, estimate, wrong, counts, _left(some, estimate, share, limit, budget))
         return
-    for few in _batches(dr.compress((counts <= LEAST_SAMPLES) | hides)):
-        average(look, some, estimate, dr.gather(mi.UInt32, wrong, few), dr.gather(mi.UInt32, counts, few))
+    few = dr.compress((counts <= LEAST_SAMPLES) | hides)
+    for batch in _batches(few, np.array(dr.gather(mi.UInt32, counts, few)), LEAST_SAMPLES * SPLIT_AT_ONCE):
+        average(look, some, estimate, dr.gather(mi.UInt32, wrong, batch), dr.gather(mi.UInt32, counts, batch))
     split = dr.compress((estimate.error > limit) & some.inside)
     left = _left(some, estimate, share, limit, budget)
-    for chosen in _batches(split):
+    for chosen in _batches(split, np.ones(dr.width(split), int), SPLIT_AT_ONCE):
         size = dr.width(chosen)
         parts = cells.quarters(look, some, chosen)
         of_parts, of_errors = from_corners(parts, target)

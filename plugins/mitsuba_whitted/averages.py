@@ -27,8 +27,10 @@ chapter 3).
 OF_HALVES = 0.4
 """Error of such an average, in parts of how much two halves of the samples differ."""
 
-OF_HIDDEN = 2 * LEAST_SAMPLES
-"""Samples at least where something hides: what one of some checks met is small, and few samples may miss it again."""
+OF_HIDDEN = 2 * LEAST_SAMPLES, 32 * LEAST_SAMPLES
+"""Samples where something hides, at least and at most: what one of some checks met is small, and few may miss it again;
+with more, finding its edges takes less.
+"""
 
 TOLERANCE = 1.15
 """Errors measured together may be above those asked for by this factor: the measure is no better."""
@@ -43,7 +45,7 @@ MOST_MORE = 8
 def needed(error: Any, hidden: Any, limit: Any) -> Any:
     """Count the samples whose mean brings an error below the limit: an even number, above ENOUGH at most its double."""
     count = LEAST_SAMPLES * dr.maximum(1, (AVERAGED * error / limit) ** (1 / FALL))
-    count = dr.maximum(count, dr.select(hidden, mi.Float(OF_HIDDEN), 0))
+    count = dr.select(hidden, dr.clip(count, *OF_HIDDEN), count)
     return 2 * mi.UInt32(dr.minimum(0.5 * count, ENOUGH))
 
 
