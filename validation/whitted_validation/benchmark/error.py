@@ -21,7 +21,7 @@ from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
-FROZEN = "f1e9e8c09de2da9b80a5a841580c3502dbf22fcb"
+FROZEN = "5024b9f0447a0250fe67e9b8cf9363d51fed6e33"
 """The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
 here: nobody could know them before.
 """
