@@ -12,9 +12,13 @@ Which cells need more than their corners is decided by the error that is left: c
 until the sum of the squares of all that is left meets the target (`water`), and at every depth anew, with what was
 seen until then. How far off a cell is, is guessed from its corners (`corners`) or from the samples that look closer.
 
+An average shows by two halves of its samples how far off it is: where that is too much, it is taken again with more
+(`averages`).
+
 Things that no corner meets show no error. So pixels next to an edge, and some or all others, are checked by samples
 more, the more of them the fewer pixels there are to share the target (`hidden`). Where one finds another colour than
-was expected the pixel is split, and the pixels around are checked as well, and those around these.
+was expected the pixel is averaged over or split, and the pixels around are checked about the same place, and those
+around these.
 
 The target is kept by estimates, not proven; a thing that no sample meets stays unseen.
 """
@@ -47,8 +51,8 @@ hangs on them.
 """
 
 # What follows, and in `averages`, `corners`, `water`, `hidden` and `edges`, was fitted on scenes a, b and c of the
-# benchmark with seeds 1, 2, 11, 12, 13, 370324 and 3703242033, and on the random scenes 1000 to 1039, 2319633131 to
-# 2319633160 and 2648890011 to 2648890040, then left alone.
+# benchmark with seeds 1, 2, 11, 12, 13, 370324 and 3703242033, and on the random scenes 1000 to 1039, 7000 to 7031,
+# 2319633131 to 2319633160 and 2648890011 to 2648890040, then left alone.
 
 FOLLOWED = 8
 """What was hidden is followed over so many pixels."""

@@ -14,7 +14,7 @@ from mitsuba_whitted.water import AVERAGED, FALL, LEAST_SAMPLES
 
 # Fitted as told in `antialias`.
 
-ENOUGH = 3 << 14
+ENOUGH = 8 << 14
 """Samples that take no longer than to split once more would: some launches, however few the cells. Where so many
 suffice for all that is left, nothing more is split.
 """
