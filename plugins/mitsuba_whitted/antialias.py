@@ -37,7 +37,7 @@ from mitsuba_whitted import cells
 from mitsuba_whitted.averages import ENOUGH, average, average_to, needed
 from mitsuba_whitted.cells import Cells, Estimate, Kind, Look
 from mitsuba_whitted.corners import from_corners
-from mitsuba_whitted.edges import MORE_CHECKS, look_closer
+from mitsuba_whitted.edges import look_closer
 from mitsuba_whitted.hidden import checks, largest_around
 from mitsuba_whitted.tables import opaque
 from mitsuba_whitted.water import FROM, LEAST_SAMPLES, UNTOUCHED, Histogram, water_level
@@ -46,8 +46,8 @@ DEPTH = 8
 """How often a pixel can be split: to 1/256."""
 
 SPLIT_AT_ONCE = 1 << 17
-"""Cells split, or averaged over, in one launch. Each depth keeps so many at most, of some 400 bytes with all that
-hangs on them.
+"""Cells split in one launch. Each depth keeps so many at most, of some 400 bytes with all that hangs on them. Averages
+take LEAST_SAMPLES times as many samples in one.
 """
 
 # What follows, and in `averages`, `corners`, `water`, `hidden` and `edges`, was fitted on scenes a, b and c of the
@@ -58,7 +58,9 @@ FOLLOWED = 8
 """What was hidden is followed over so many pixels."""
 
 WORTH_FOLLOWING = 0.5
-"""As long as the squares of the errors that it made come to more than this part of the budget: as much may come."""
+"""As long as the squares of the errors that it made in the last ones come to more than this part of the budget: in the
+next it is likely to make as much.
+"""
 
 AIM = 0.62
 """Aimed at, in parts of the target error, for what is not foreseen."""
@@ -105,8 +107,15 @@ def refined(look: Look, width: int, top: int, bottom: int, target: float) -> Ban
     return Band(pixels.i, pixels.j + opaque(mi.UInt32(top)), pixels.inside, colour)
 
 
-def _follow(look: Look, pixels: Cells, estimate: Estimate, known: Any, checks: Any, limit: Any, budget: float) -> None:
-    """Where something was hidden, look for more of it in the pixels around, and around these."""
+def _follow(look: Look, pixels: Cells, estimate: Estimate, known: Any, checks: Any, limit: Any, budget: float) -> Any:
+    """Where something was hidden, and not `known`, look for more of it in the pixels around, and around these.
+
+    Returns
+    -------
+    Bool
+        The pixels that were looked at.
+    """
+    looked = mi.Bool(False)
     for _ in range(FOLLOWED):
         surprised = pixels.inside & (estimate.error > limit) & ~known
         found = dr.select(surprised, estimate.error, 0)
@@ -115,8 +124,10 @@ def _follow(look: Look, pixels: Cells, estimate: Estimate, known: Any, checks: A
         known |= surprised
         places = largest_around(pixels, mi.Float(dr.select(surprised, dr.maximum(estimate.surprise, 1), 0)))
         follow = dr.select(estimate.error <= limit, mi.UInt32(places), 0)
-        dr.eval(known, follow)  # else every round would be another kernel
-        _look(look, pixels, estimate, follow > 0, checks + MORE_CHECKS, follow, limit)
+        looked |= follow > 0
+        dr.eval(known, follow, looked)  # else every round would be another kernel
+        _look(look, pixels, estimate, follow > 0, checks, follow, limit)
+    return looked
 
 
 def _look(look: Look, some: Cells, estimate: Estimate, closer: Any, checks: Any, follow: Any, limit: Any) -> None:
@@ -162,22 +173,23 @@ def _refine(
     expected = (estimate.error > dr.select(smooth, FROM[Kind.SMOOTH] * limit, limit)) & some.inside
     closer = dr.select(clutter, ~expected, expected | (checks > 0)) & some.inside
     _look(look, some, estimate, closer, checks, opaque(dr.zeros(mi.UInt32, dr.width(checks))), limit)
-    if depth == DEPTH:
+    looked = closer | expected
+    if depth == DEPTH:  # an edge that was not found is no surprise; what is met in a cell of one path is
         known = expected & ~(smooth & (estimate.surprise > 0))
-        _follow(look, some, estimate, known, checks, limit, budget)
+        looked |= _follow(look, some, estimate, known, checks, limit, budget)
     hidden = smooth & (estimate.surprise > 0)
     wrong = dr.compress((estimate.error > limit) & some.inside)
     if not dr.width(wrong):
         return
-    untouched = dr.select(smooth, mi.Float(UNTOUCHED[Kind.SMOOTH]), UNTOUCHED[Kind.EDGE])
-    share = dr.select(closer | expected, 1, untouched)
+    untouched = dr.select(smooth, mi.Float(UNTOUCHED[Kind.SMOOTH]), UNTOUCHED[Kind.EDGE])  # clutter is looked at
+    share = dr.select(looked, 1, untouched)
     hides = dr.gather(mi.Bool, hidden, wrong)
     counts = needed(dr.gather(mi.Float, estimate.error, wrong), hides, limit)
     if dr.sum(mi.UInt64(counts))[0] <= ENOUGH:
         average_to(look, some, estimate, wrong, counts, _left(some, estimate, share, limit, budget))
         return
     few = dr.compress((counts <= LEAST_SAMPLES) | hides)
-    for batch in _batches(few, np.array(dr.gather(mi.UInt32, counts, few)), LEAST_SAMPLES * SPLIT_AT_ONCE):
+    for batch in _batches(few, np.array(dr.gather(mi.UInt32, counts, few), np.int64), LEAST_SAMPLES * SPLIT_AT_ONCE):
         average(look, some, estimate, dr.gather(mi.UInt32, wrong, batch), dr.gather(mi.UInt32, counts, batch))
     split = dr.compress((estimate.error > limit) & some.inside)
     left = _left(some, estimate, share, limit, budget)

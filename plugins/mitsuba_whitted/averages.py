@@ -10,26 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_whitted.cells import Cells, Estimate, Look, norm
+from mitsuba_whitted.tables import owned
 from mitsuba_whitted.water import AVERAGED, FALL, LEAST_SAMPLES
 
 # Fitted as told in `antialias`.
 
 ENOUGH = 8 << 14
 """Samples that take no longer than to split once more would: some launches, however few the cells. Where so many
-suffice for all that is left, nothing more is split.
+suffice for all that is left, nothing more is split. Taken again they may be up to 16 times as many.
 """
 
-GOLDEN_RATIO = 0.6180339887
-"""Less 1. Samples of an average lie at k / n, k g (modulo 1), k from 1/2: evenly spread for any n (Niederreiter 1992,
-chapter 3).
+GOLDEN_RATIO = 0x9E3779B9
+"""Less 1, in units of 2^-32. Samples of an average lie at k / n, k g (modulo 1), k from 1/2: evenly spread for any n
+(Niederreiter 1992, chapter 3).
 """
 
 OF_HALVES = 0.4
 """Error of such an average, in parts of how much two halves of the samples differ."""
 
+FORESEEN = 0.5
+"""Of an error that two halves show, which may be small or large by chance, this part stays as it was foreseen."""
+
 OF_HIDDEN = 2 * LEAST_SAMPLES, 32 * LEAST_SAMPLES
 """Samples where something hides, at least and at most: what one of some checks met is small, and few may miss it again;
-with more, finding its edges takes less.
+how small is not known, and what the most do not settle is split.
 """
 
 TOLERANCE = 1.15
@@ -38,7 +42,7 @@ TOLERANCE = 1.15
 MOST_AGAIN = 2
 """So often are averages taken again with more samples."""
 
-MOST_MORE = 8
+MOST_MORE = 4
 """With so many times the samples at most."""
 
 
@@ -46,13 +50,14 @@ def needed(error: Any, hidden: Any, limit: Any) -> Any:
     """Count the samples whose mean brings an error below the limit: an even number, above ENOUGH at most its double."""
     count = LEAST_SAMPLES * dr.maximum(1, (AVERAGED * error / limit) ** (1 / FALL))
     count = dr.select(hidden, dr.clip(count, *OF_HIDDEN), count)
-    return 2 * mi.UInt32(dr.minimum(0.5 * count, ENOUGH))
+    return 2 * mi.UInt32(dr.ceil(dr.minimum(0.5 * count, ENOUGH)))
 
 
-def average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: Any) -> None:
+def average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: Any, before: Any = None) -> None:
     """Take the mean of so many samples in each of these cells; `counts` are even.
 
-    How much every other of them differs from the rest tells how far off their mean is.
+    How much every other of them differs from the rest tells how far off their mean is; `before` is what was guessed
+    without them, if not what is estimated now.
     """
     ends = dr.cumsum(counts)
     first, width = ends - counts, dr.width(chosen)
@@ -61,23 +66,26 @@ def average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: An
     dr.scatter(begins, mi.UInt32(1), first, dr.arange(mi.UInt32, width) > 0)
     cell = dr.cumsum(begins)
     here = some.some(dr.gather(mi.UInt32, chosen, cell))
-    k = mi.Float(dr.arange(mi.UInt32, samples) - dr.gather(mi.UInt32, first, cell)) + 0.5
-    x, y = k / mi.Float(dr.gather(mi.UInt32, counts, cell)), k * GOLDEN_RATIO
-    colour, _ = look(dr.fma(x, here.step, here.x), dr.fma(y - dr.floor(y), here.step, here.y), mi.Bool(True))
+    k = dr.arange(mi.UInt32, samples) - dr.gather(mi.UInt32, first, cell)
+    x = (mi.Float(k) + 0.5) / mi.Float(dr.gather(mi.UInt32, counts, cell))
+    y = mi.Float((k * GOLDEN_RATIO + GOLDEN_RATIO // 2) >> 8) * 2.0**-24  # whole numbers: k may be a million
+    colour, _ = look(dr.fma(x, here.step, here.x), dr.fma(y, here.step, here.y), mi.Bool(True))
     colours = dr.ravel(colour)
     dr.eval(colours)  # else the sums would trace anew
 
     def add(k: Any, even: Any, odd: Any) -> Any:
-        return k + 2, even + dr.gather(mi.Vector4f, colours, k), odd + dr.gather(mi.Vector4f, colours, k + 1)
+        at = (dr.gather(mi.Vector4f, colours, k + part) for part in range(2))
+        return k + 2, *(total + mi.Vector4d(colour) for total, colour in zip((even, odd), at, strict=True))
 
-    state = (first, mi.Vector4f(0), mi.Vector4f(0))
+    state = (first, mi.Vector4d(0), mi.Vector4d(0))  # in double: a million numbers are summed
     summed: Any = dr.while_loop(state, lambda k, *_: k < ends, add, label="average")
-    _, even, odd = summed
     share = dr.rcp(mi.Float(counts))
-    mean = (even + odd) * share
-    before = dr.gather(mi.Float, estimate.error, chosen)
-    error = norm((even - odd) * share) * (2 * OF_HALVES) * (some.step * some.step)
-    error = dr.maximum(error, 0.5 * before * share**FALL)
+    even, odd = (mi.Vector4f(total * mi.Float64(share)) for total in summed[1:])
+    mean = even + odd
+    if before is None:
+        before = dr.gather(mi.Float, estimate.error, chosen)
+    error = norm(even - odd) * (2 * OF_HALVES) * (some.step * some.step)
+    error = dr.maximum(error, FORESEEN * before * share**FALL)
     dr.eval(mean, error)
     dr.scatter(estimate.value, mean, chosen)
     dr.scatter(estimate.error, error, chosen)
@@ -86,30 +94,33 @@ def average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: An
 
 def average_to(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: Any, budget: float) -> None:
     """Average over these cells until the squares of the errors that this shows come to about the budget."""
-    before = np.array(dr.gather(mi.Float, estimate.error, chosen), dtype=np.float64)
-    samples = np.array(counts)
+    guessed = dr.gather(mi.Float, estimate.error, chosen)
+    dr.eval(guessed)
+    before, samples = np.array(guessed, np.float64), np.array(counts)
     average(look, some, estimate, chosen, counts)
     for _ in range(MOST_AGAIN):
-        error = _steadied(np.array(dr.gather(mi.Float, estimate.error, chosen)), before * samples**-FALL)
-        squares = float(np.sum(error**2))
-        if not TOLERANCE**2 * budget < squares < np.inf:  # nor NaN
+        measured = np.array(dr.gather(mi.Float, estimate.error, chosen), np.float64)
+        sound = np.isfinite(before) & np.isfinite(measured)  # no samples mend the others
+        error = _steadied(np.where(sound, measured, 0), np.where(sound, before, 0) * samples**-FALL)
+        if np.sum(error**2) <= TOLERANCE**2 * budget:
             break
         limit = _level(error, budget)
         again = np.flatnonzero(error > limit)
         more = np.minimum((error[again] / limit) ** (1 / FALL), MOST_MORE)
         samples[again] = 2 * np.ceil(0.5 * samples[again] * more)
-        cells = dr.gather(mi.UInt32, chosen, mi.UInt32(again.astype(np.uint32)))
-        average(look, some, estimate, cells, mi.UInt32(samples[again]))
+        lanes = owned(again.astype(np.uint32))
+        cells, foreseen = dr.gather(mi.UInt32, chosen, lanes), dr.gather(mi.Float, guessed, lanes)
+        average(look, some, estimate, cells, owned(samples[again]), foreseen)
 
 
-def _steadied(measured: NDArray[np.float32], foreseen: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Let errors measured by two halves each, and so by chance large or small, be half as they were foreseen.
+def _steadied(measured: NDArray[np.float64], foreseen: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Let the squares of errors measured by two halves each be in part as they were foreseen.
 
     These are brought to the same sum of squares, which is what the measured ones are good for.
     """
-    squares, of_foreseen = measured.astype(np.float64) ** 2, foreseen**2
+    squares, of_foreseen = measured**2, foreseen**2
     scale = np.sum(squares) / max(np.sum(of_foreseen), np.finfo(float).tiny)
-    found: NDArray[np.float64] = np.sqrt(0.5 * squares + 0.5 * scale * of_foreseen)
+    found: NDArray[np.float64] = np.sqrt((1 - FORESEEN) * squares + FORESEEN * scale * of_foreseen)
     return found
 
 

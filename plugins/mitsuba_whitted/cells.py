@@ -41,7 +41,9 @@ class Estimate(NamedTuple):
     """What is expected to be wrong with the colour, times the cell's share of the pixel."""
     kind: Any
     surprise: Any
-    """Where a sample was not what was expected: one more than the number of its place (`edges.place`), or 0."""
+    """One more than the number of the place of the check that met what was not expected, or that it followed
+    (`edges.place`; the centre, number 0, stands for any other sample); 0 where all was as expected.
+    """
 
 
 class Cells(NamedTuple):

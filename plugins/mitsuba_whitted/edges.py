@@ -52,18 +52,18 @@ GOLDEN = 0.7548776662, 0.5698402910
 """Steps of checks: 1 / g and 1 / g^2 with g^3 = g + 1, for which points are spread most evenly (Roberts 2018)."""
 
 APART = 13, 7
-"""Places of checks by which a pixel is ahead of its neighbours: a strip along a row that one pixel's miss, another's
-meet.
+"""Places of checks by which a pixel is ahead of those to its left and above: a strip that the checks of one pixel miss
+is then met by those of others, and can be followed from there.
 """
 
 PLACES = 1024
-"""Places before they are used again: fewer than float32 tells apart."""
+"""Places before they are used again. They lie about 1/32 apart; float32 tells places apart by 2^-13 at the last one."""
 
 MORE_CHECKS = 12
 """Checks, besides those that a pixel needs anyway, where something was hidden in a neighbour."""
 
 NEARBY = 0.5
-"""Side of the square about the same place in which they lie: what hides is thin, and goes on nearly straight."""
+"""Side of the square about the same place, within the cell, in which they lie: what hides goes on nearly straight."""
 
 _SEARCH, _AT_A, _AT_B, _CENTRE, _CHECK, _OVER = range(6)
 """Phases of a look: for the bulge of the edge, at the centroid of either part, at the centre of the cell, wherever
@@ -93,10 +93,11 @@ class _Parts(NamedTuple):
 def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks: Any, follow: Any, limit: Any) -> None:
     """Take samples inside cells of one path, and find the edge in those of two.
 
-    Then it takes so many `checks` of each, spread evenly; first about the place of a neighbour's surprise, where there
-    is one to `follow`. Updates the estimates of the cells `close`; where what is seen does not fit, or the error is
-    still above `limit`, the values are left as they are.
+    Then it takes so many `checks` of each, spread evenly; before these MORE_CHECKS about the place of a neighbour's
+    surprise, where there is one to `follow`. Updates the estimates of the cells `close`; where what is seen does not
+    fit, or the error is still above `limit`, the values are left as they are.
     """
+    checks = checks + dr.select(follow > 0, mi.UInt32(MORE_CHECKS), 0)
     kind = dr.gather(mi.UInt32, estimate.kind, close)
     two, several = kind == Kind.EDGE.value, kind == Kind.CLUTTER.value
     here = cells.some(close)
@@ -142,9 +143,11 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
         k = dr.select(checking, k + 1, k)
         number = first_place + k
         to_check = place(number)
-        nearby = place(follow - 1) + dr.select(k == 1, 0, NEARBY * (to_check - 0.5))
+        there = place(follow - 1)
+        nearby = dr.clip(there, 0.5 * NEARBY, 1 - 0.5 * NEARBY) + NEARBY * (to_check - 0.5)
+        nearby = dr.select(k == 1, there, nearby)
         following = (follow > 0) & (k <= MORE_CHECKS)
-        to_check = dr.select(following, dr.clip(nearby, 0, 1), to_check)
+        to_check = dr.select(following, nearby, to_check)
         inside = dr.select(checking, to_check, inside)
         at = dr.select(phase == _SEARCH, parts.middle + outward * bulge * parts.away, inside)
         alive = phase != _OVER
@@ -174,7 +177,8 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
         unlike = area * SURPRISE * distance > limit
         unlike |= is_edge & (~known | (other_side & (BULGE * weight * parts.length * dr.abs(beyond) > 2 * limit)))
         failed |= (checking | (several & (phase == _CENTRE))) & unlike
-        surprise = dr.select(failed, dr.select(checking, number, 0) + 1, surprise)
+        met = dr.select(following, follow - 1, number)
+        surprise = dr.select(failed, dr.select(checking, met, 0) + 1, surprise)
         off = dr.maximum(off, dr.select(failed, distance, 0))
         colour_a = dr.select((phase == _AT_A) | (phase == _CENTRE), colour, colour_a)
         colour_b = dr.select(phase == _AT_B, colour, colour_b)

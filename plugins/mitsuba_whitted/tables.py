@@ -52,10 +52,18 @@ def stored(rows: NDArray[Any]) -> Any:
         return values.ravel().tolist()
     if 0 < len(values) <= FEW_ROWS:
         return [tuple(opaque(kind(number)) for number in row) for row in values.tolist()]
-    # A copy in Dr.Jit's own memory. Numpy's would be shared, and may be aligned less: a gather of pairs is then
-    # compiled otherwise, so that the kernel would depend on where numpy happened to allocate.
+    return owned(values.ravel())
+
+
+def owned(values: NDArray[Any]) -> Any:
+    """Copy numbers of float32, float64 or uint32 into Dr.Jit's own memory.
+
+    Numpy's would be shared, and may be aligned less: a gather of pairs is then compiled otherwise, so that the kernel
+    would depend on where numpy happened to allocate.
+    """
+    kind: Any = {"float32": mi.Float, "float64": mi.Float64, "uint32": mi.UInt32}[values.dtype.name]
     table = dr.empty(kind, values.size)
-    dr.scatter(table, kind(values.ravel()), dr.arange(mi.UInt32, values.size), mode=dr.ReduceMode.Permute)
+    dr.scatter(table, kind(values), dr.arange(mi.UInt32, values.size), mode=dr.ReduceMode.Permute)
     dr.eval(table)
     return table
 

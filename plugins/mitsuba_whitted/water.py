@@ -29,7 +29,7 @@ FALL = 0.75
 """The error falls with this power of the samples, as long as edges cross the cell at random."""
 
 AVERAGED = float(UNTOUCHED[2]) * LEAST_SAMPLES**-FALL
-"""Error of the least average of a cell, in parts of what was estimated before. Below the limit it is all there is."""
+"""Error of the least average of a cell, in parts of what was estimated before: what is left, where below the limit."""
 
 OCTAVES_BELOW, STEPS, BINS = 8, 4, 96
 """Errors are counted from so many octaves below the target, in so many steps an octave."""

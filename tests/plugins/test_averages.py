@@ -39,10 +39,11 @@ def test_an_average_is_the_mean_of_its_lattice_whatever_else_is_averaged(llvm_ad
     for cell, count, value in zip(chosen, counts, values, strict=True):
         k = np.arange(count) + 0.5
         x = np.array(some.x)[cell] + k / count
-        y = np.array(some.y)[cell] + k * averages.GOLDEN_RATIO % 1
+        y = np.array(some.y)[cell] + k * averages.GOLDEN_RATIO / 2**32 % 1
         lattice = np.array([x, y, x * y, np.ones(count)])
-        # Each term: five roundings, of y one more of k g itself; count / 2 sums; and the share.
-        limit = (count / 2 + 8) * np.abs(lattice).mean(axis=1) + count * lattice.max(axis=1)
+        # Each term: up to eight roundings of x and y, y being cut to 2^-24 of a cell; the sums are double; the share,
+        # the mean of two halves and its place.
+        limit = 8 * np.abs(lattice).mean(axis=1) + lattice.max(axis=1)
         assert np.all(np.abs(value - lattice.mean(axis=1)) <= limit * 2.0**-24)
 
 
@@ -53,8 +54,8 @@ def stripes(x, y, active):
     return mi.Vector4f(colour, colour, colour, 1), mi.UInt32(0)
 
 
-def averaged_to(budget, size=16):
-    """Average over every cell of a picture of stripes: errors measured, errors, and samples taken."""
+def averaged_to(budget, shown=stripes, size=16):
+    """Average over every cell of a picture: errors measured, errors if it is half white, and samples taken."""
     from mitsuba_whitted import averages, cells
     from mitsuba_whitted.corners import from_corners
 
@@ -62,9 +63,9 @@ def averaged_to(budget, size=16):
 
     def look(x, y, active):
         taken.append(dr.width(x))
-        return stripes(x, y, active)
+        return shown(x, y, active)
 
-    some = cells.pixels(stripes, size, 0, size)
+    some = cells.pixels(shown, size, 0, size)
     estimate, _ = from_corners(some, 1e-3)
     chosen = dr.compress(some.inside)
     counts = dr.full(mi.UInt32, 8, size * size)
@@ -96,15 +97,56 @@ def test_averages_that_meet_the_budget_are_taken_once(llvm_ad_rgb):
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_averages_of_what_is_no_number_are_taken_once(llvm_ad_rgb, bad, monkeypatch):
-    def look(x, y, active):
-        colour = dr.select(x < 3, mi.Float(bad), x)
-        return mi.Vector4f(colour, colour, colour, 1), mi.UInt32(0)
+def test_what_is_no_number_keeps_nothing_else_from_its_budget(llvm_ad_rgb, bad):
+    from mitsuba_whitted import averages
 
-    monkeypatch.setitem(globals(), "stripes", look)
-    errors, _, taken = averaged_to(1e-9)
-    assert len(taken) == 1
-    assert 16 * 10 < np.isfinite(errors).sum() <= 16 * 13  # guesses about cells beside them are none either
+    def shown(x, y, active):
+        colour, path = stripes(x, y, active)
+        return dr.select((x > 8.3) & (x < 8.4), mi.Vector4f(bad), colour), path  # at no corner
+
+    def sound(errors):
+        return errors[np.isfinite(errors)]
+
+    errors, _, _ = averaged_to(math.inf, shown)
+    assert 0 < len(sound(errors)) < len(errors)
+    squares = np.sum(sound(errors) ** 2)
+    errors, _, taken = averaged_to(squares / 4, shown)
+    assert len(taken) > 1
+    assert np.sum(sound(errors) ** 2) <= averages.TOLERANCE**2 * squares / 4
+    everything = averaged_to(1e-9, lambda x, y, active: (mi.Vector4f(bad + x), mi.UInt32(0)))
+    assert len(everything[2]) == 1
+
+
+def test_an_average_of_very_many_samples_is_even(llvm_ad_rgb):
+    # A ramp and its complement: sums of floats, and places k g of floats, would be off by 1e-3.
+    from mitsuba_whitted import averages, cells
+    from mitsuba_whitted.corners import from_corners
+
+    def look(x, y, active):
+        return mi.Vector4f(y, 1 - y, x, 1), mi.UInt32(0)
+
+    some = cells.pixels(look, 1, 0, 1)
+    estimate, _ = from_corners(some, 1e-3)
+    chosen, counts = mi.UInt32([0]), mi.UInt32([1 << 20])
+    dr.make_opaque(chosen, counts)
+    averages.average(look, some, estimate, chosen, counts)
+    # A lattice of n points: the mean of a ramp is off by log2(n) / n at most; y is cut to 2^-24.
+    assert np.all(np.abs(np.array(estimate.value)[:4] - [0.5, 0.5, 0.5, 1]) <= 20 * 2.0**-20 + 2 * 2.0**-24)
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_the_least_samples_do_and_the_count_is_even(llvm_ad_rgb, hidden):
+    from mitsuba_whitted import averages
+    from mitsuba_whitted.water import AVERAGED, FALL, LEAST_SAMPLES
+
+    error = np.array([1e-6, 0.9, 1.1, 3, 20, 1e9], np.float32) / AVERAGED
+    counts = np.array(averages.needed(mi.Float(error), mi.Bool([hidden] * 6), mi.Float(1)), float)
+    assert np.all(counts % 2 == 0)
+    exact = LEAST_SAMPLES * np.maximum(1, AVERAGED * error.astype(float)) ** (1 / FALL)
+    if hidden:
+        exact = np.clip(exact, *averages.OF_HIDDEN)
+    exact = np.minimum(exact, 2 * averages.ENOUGH)
+    assert np.all((counts >= exact * (1 - 2.0**-20)) & (counts < exact * (1 + 2.0**-20) + 2))
 
 
 def test_a_level_cuts_errors_to_the_budget():
@@ -123,7 +165,7 @@ def test_a_level_cuts_errors_to_the_budget():
 def test_steadied_errors_keep_their_sum_of_squares_and_half_of_what_was_foreseen():
     from mitsuba_whitted.averages import _steadied
 
-    measured, foreseen = np.array([0.0, 2.0, 1.0], np.float32), np.array([1.0, 1.0, 2.0])
+    measured, foreseen = np.array([0.0, 2.0, 1.0]), np.array([1.0, 1.0, 2.0])
     found = _steadied(measured, foreseen)
     assert np.allclose(found**2, [5 / 12, 2 + 5 / 12, 1 / 2 + 5 / 3], rtol=2.0**-50, atol=0)
-    assert np.all(_steadied(np.zeros(3, np.float32), np.zeros(3)) == 0)
+    assert np.all(_steadied(np.zeros(3), np.zeros(3)) == 0)
