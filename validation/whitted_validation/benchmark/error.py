@@ -21,7 +21,7 @@ from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
-FROZEN = "c8ae1b704aa44e9e623efd62dd6bbddb47e7969b"
+FROZEN = "0470a69dadbb70ca0e91d03ce81e97db9a396b25"
 """The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
 here: nobody could know them before.
 """
