@@ -177,20 +177,23 @@ def _refine(
     if depth == DEPTH:  # an edge that was not found is no surprise; what is met in a cell of one path is
         known = expected & ~(smooth & (estimate.surprise > 0))
         looked |= _follow(look, some, estimate, known, checks, limit, budget)
-    hidden = smooth & (estimate.surprise > 0)
     wrong = dr.compress((estimate.error > limit) & some.inside)
     if not dr.width(wrong):
         return
     untouched = dr.select(smooth, mi.Float(UNTOUCHED[Kind.SMOOTH]), UNTOUCHED[Kind.EDGE])  # clutter is looked at
     share = dr.select(looked, 1, untouched)
-    hides = dr.gather(mi.Bool, hidden, wrong)
-    counts = needed(dr.gather(mi.Float, estimate.error, wrong), hides, limit)
+    guessed = dr.gather(mi.Float, estimate.error, wrong)
+    hides = dr.gather(mi.UInt32, estimate.kind, wrong) == Kind.SMOOTH.value
+    hides &= dr.gather(mi.UInt32, estimate.surprise, wrong) > 0
+    counts = needed(guessed, hides, limit)
+    dr.eval(guessed, hides, counts)
     if dr.sum(mi.UInt64(counts))[0] <= ENOUGH:
-        average_to(look, some, estimate, wrong, counts, _left(some, estimate, share, limit, budget))
+        average_to(look, some, estimate, wrong, counts, guessed, _left(some, estimate, share, limit, budget))
         return
     few = dr.compress((counts <= LEAST_SAMPLES) | hides)
     for batch in _batches(few, np.array(dr.gather(mi.UInt32, counts, few), np.int64), LEAST_SAMPLES * SPLIT_AT_ONCE):
-        average(look, some, estimate, dr.gather(mi.UInt32, wrong, batch), dr.gather(mi.UInt32, counts, batch))
+        chosen, of_each = dr.gather(mi.UInt32, wrong, batch), dr.gather(mi.UInt32, counts, batch)
+        average(look, some, estimate, chosen, of_each, dr.gather(mi.Float, guessed, batch))
     split = dr.compress((estimate.error > limit) & some.inside)
     left = _left(some, estimate, share, limit, budget)
     for chosen in _batches(split, np.ones(dr.width(split), int), SPLIT_AT_ONCE):

@@ -15,7 +15,7 @@ from mitsuba_whitted.water import AVERAGED, FALL, LEAST_SAMPLES
 
 # Fitted as told in `antialias`.
 
-ENOUGH = 8 << 14
+ENOUGH = 1 << 17
 """Samples that take no longer than to split once more would: some launches, however few the cells. Where so many
 suffice for all that is left, nothing more is split. Taken again they may be up to 16 times as many.
 """
@@ -53,11 +53,11 @@ def needed(error: Any, hidden: Any, limit: Any) -> Any:
     return 2 * mi.UInt32(dr.ceil(dr.minimum(0.5 * count, ENOUGH)))
 
 
-def average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: Any, before: Any = None) -> None:
+def average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: Any, guessed: Any) -> None:
     """Take the mean of so many samples in each of these cells; `counts` are even.
 
-    How much every other of them differs from the rest tells how far off their mean is; `before` is what was guessed
-    without them, if not what is estimated now.
+    How much every other of them differs from the rest tells how far off their mean is; `guessed` are the errors that
+    were estimated without any.
     """
     ends = dr.cumsum(counts)
     first, width = ends - counts, dr.width(chosen)
@@ -74,30 +74,28 @@ def average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: An
     dr.eval(colours)  # else the sums would trace anew
 
     def add(k: Any, even: Any, odd: Any) -> Any:
-        at = (dr.gather(mi.Vector4f, colours, k + part) for part in range(2))
-        return k + 2, *(total + mi.Vector4d(colour) for total, colour in zip((even, odd), at, strict=True))
+        first, second = (mi.Vector4d(dr.gather(mi.Vector4f, colours, k + part)) for part in range(2))
+        return k + 2, even + first, odd + second
 
     state = (first, mi.Vector4d(0), mi.Vector4d(0))  # in double: a million numbers are summed
     summed: Any = dr.while_loop(state, lambda k, *_: k < ends, add, label="average")
     share = dr.rcp(mi.Float(counts))
     even, odd = (mi.Vector4f(total * mi.Float64(share)) for total in summed[1:])
     mean = even + odd
-    if before is None:
-        before = dr.gather(mi.Float, estimate.error, chosen)
     error = norm(even - odd) * (2 * OF_HALVES) * (some.step * some.step)
-    error = dr.maximum(error, FORESEEN * before * share**FALL)
+    error = dr.maximum(error, FORESEEN * guessed * share**FALL)
     dr.eval(mean, error)
     dr.scatter(estimate.value, mean, chosen)
     dr.scatter(estimate.error, error, chosen)
     dr.eval(*estimate)
 
 
-def average_to(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: Any, budget: float) -> None:
+def average_to(
+    look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: Any, guessed: Any, budget: float
+) -> None:
     """Average over these cells until the squares of the errors that this shows come to about the budget."""
-    guessed = dr.gather(mi.Float, estimate.error, chosen)
-    dr.eval(guessed)
     before, samples = np.array(guessed, np.float64), np.array(counts)
-    average(look, some, estimate, chosen, counts)
+    average(look, some, estimate, chosen, counts, guessed)
     for _ in range(MOST_AGAIN):
         measured = np.array(dr.gather(mi.Float, estimate.error, chosen), np.float64)
         sound = np.isfinite(before) & np.isfinite(measured)  # no samples mend the others
@@ -109,8 +107,8 @@ def average_to(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts:
         more = np.minimum((error[again] / limit) ** (1 / FALL), MOST_MORE)
         samples[again] = 2 * np.ceil(0.5 * samples[again] * more)
         lanes = owned(again.astype(np.uint32))
-        cells, foreseen = dr.gather(mi.UInt32, chosen, lanes), dr.gather(mi.Float, guessed, lanes)
-        average(look, some, estimate, cells, owned(samples[again]), foreseen)
+        worst, of_worst = dr.gather(mi.UInt32, chosen, lanes), dr.gather(mi.Float, guessed, lanes)
+        average(look, some, estimate, worst, owned(samples[again]), of_worst)
 
 
 def _steadied(measured: NDArray[np.float64], foreseen: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -118,6 +118,8 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     failed = is_edge & parts.unclear
     start = dr.select(failed, mi.UInt32(_OVER), dr.select(is_edge, of_edge, mi.UInt32(_CENTRE)))
 
+    there = place(follow - 1)
+    about = dr.clip(there, 0.5 * NEARBY, 1 - 0.5 * NEARBY)
     first_place = (APART[0] * here.i + APART[1] * here.j) % PLACES
     corners = [here.colour(sample) for sample in here.corners()]
     along = mi.Vector2f(-parts.away.y, parts.away.x)
@@ -143,9 +145,7 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
         k = dr.select(checking, k + 1, k)
         number = first_place + k
         to_check = place(number)
-        there = place(follow - 1)
-        nearby = dr.clip(there, 0.5 * NEARBY, 1 - 0.5 * NEARBY) + NEARBY * (to_check - 0.5)
-        nearby = dr.select(k == 1, there, nearby)
+        nearby = dr.select(k == 1, there, about + NEARBY * (to_check - 0.5))
         following = (follow > 0) & (k <= MORE_CHECKS)
         to_check = dr.select(following, nearby, to_check)
         inside = dr.select(checking, to_check, inside)

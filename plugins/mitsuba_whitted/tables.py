@@ -44,13 +44,13 @@ def stored(rows: NDArray[Any]) -> Any:
     are data of the kernel, a list of tuples: to select a row among them takes less than to load one for each lane.
     Scalar variants get plain Python numbers.
     """
-    kind: Any = {"float32": mi.Float, "float64": mi.Float64, "uint32": mi.UInt32}[rows.dtype.name]
     values = np.ascontiguousarray(rows)
     if values.shape[-1] == 3:
         values = np.pad(values, ((0, 0), (0, 1)))
     if not dr.is_jit_v(mi.Float):
         return values.ravel().tolist()
     if 0 < len(values) <= FEW_ROWS:
+        kind = _type_of(values)
         return [tuple(opaque(kind(number)) for number in row) for row in values.tolist()]
     return owned(values.ravel())
 
@@ -61,11 +61,15 @@ def owned(values: NDArray[Any]) -> Any:
     Numpy's would be shared, and may be aligned less: a gather of pairs is then compiled otherwise, so that the kernel
     would depend on where numpy happened to allocate.
     """
-    kind: Any = {"float32": mi.Float, "float64": mi.Float64, "uint32": mi.UInt32}[values.dtype.name]
+    kind = _type_of(values)
     table = dr.empty(kind, values.size)
     dr.scatter(table, kind(values), dr.arange(mi.UInt32, values.size), mode=dr.ReduceMode.Permute)
     dr.eval(table)
     return table
+
+
+def _type_of(values: NDArray[Any]) -> Any:
+    return {"float32": mi.Float, "float64": mi.Float64, "uint32": mi.UInt32}[values.dtype.name]
 
 
 def opaque(value: Any) -> Any:

@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from mitsuba_whitted.cells import Kind
 from mitsuba_whitted.tables import opaque
 
 # By kind. Fitted as told in `antialias`.
@@ -28,7 +29,7 @@ LEAST_SAMPLES = 8
 FALL = 0.75
 """The error falls with this power of the samples, as long as edges cross the cell at random."""
 
-AVERAGED = float(UNTOUCHED[2]) * LEAST_SAMPLES**-FALL
+AVERAGED = float(UNTOUCHED[Kind.CLUTTER]) * LEAST_SAMPLES**-FALL
 """Error of the least average of a cell, in parts of what was estimated before: what is left, where below the limit."""
 
 OCTAVES_BELOW, STEPS, BINS = 8, 4, 96
@@ -75,7 +76,8 @@ def _squares() -> NDArray[np.float64]:
     """Tell what a cell adds to the sum of squares, by limit, kind and error: (BINS, 3, BINS), for a target of 1."""
     error, limit = levels(1), levels(1)[:, None, None]
     refined = np.minimum(error, LEFT[:, None] * limit)
-    refined[:, 2] = np.where(AVERAGED * error <= limit[:, 0], AVERAGED * error, LEFT[2] * limit[:, 0])
+    averaged, fits = AVERAGED * error, AVERAGED * error <= limit[:, 0]
+    refined[:, Kind.CLUTTER] = np.where(fits, averaged, LEFT[Kind.CLUTTER] * limit[:, 0])
     found: NDArray[np.float64] = np.where(error > FROM[:, None] * limit, refined, UNTOUCHED[:, None] * error) ** 2
     return found
 
