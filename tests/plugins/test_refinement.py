@@ -1,0 +1,112 @@
+"""Refinement of pictures that are given by a formula: what hides is found, and no number is too large or too small."""
+
+from __future__ import annotations
+
+import math
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+
+
+def drawn(look, width, height, target):
+    """Draw what `look` shows without a scene: one channel, (height, width)."""
+    from mitsuba_whitted import antialias  # its names need a variant
+
+    band = antialias.refined(look, width, 0, height, target)
+    x, y, inside = (np.array(part) for part in band[:3])
+    picture = np.full((height, width), np.nan)
+    picture[y[inside], x[inside]] = np.array(band.colour)[0, inside]
+    return picture
+
+
+@pytest.mark.parametrize("target", [2e-3, 1e-3])
+def test_a_wedge_is_followed_to_its_tip(llvm_ad_rgb, target):
+    # Its last eight rows lie between two columns of corners, where the wedge is up to 0.88 of a pixel wide.
+    def look(x, y, active):
+        inside = (x > 25.12) & (x < 25.12 + 0.1 * (y - 8)) & (y < 24)
+        colour = dr.select(inside, mi.Float(1), 0)
+        return mi.Vector4f(colour, colour, colour, 1), dr.select(inside, mi.UInt32(1), 0)
+
+    width, height = 64, 48
+    off = drawn(look, width, height, target)[8:16, 25] - 0.1 * (np.arange(8) + 0.5)
+    assert np.sum(off**2) <= width * height * target**2
+
+
+def test_a_strip_is_followed_from_the_few_pixels_whose_checks_meet_it(llvm_ad_rgb):
+    # A sixteenth of a pixel wide, at a slope, and along 56 pixels of one row: too thin for the few checks of a pixel.
+    def look(x, y, active):
+        inside = (dr.abs(y - 10.3 - 0.008 * x) < 0.03125) & (x > 4) & (x < 60)
+        corner = (x + y > 100) & (y > 40.5)  # somewhere else is an edge of the same contrast
+        colour = dr.select(inside | corner, mi.Float(1), 0)
+        path = dr.select(inside, mi.UInt32(1), dr.select(corner, mi.UInt32(2), 0))
+        return mi.Vector4f(colour, colour, colour, 1), path
+
+    picture = drawn(look, 64, 64, 2e-3)
+    assert np.sum((picture[10, 4:60] - 0.0625) ** 2) <= picture.size * 2e-3**2
+    assert np.all(picture[:10] == 0)
+
+
+def test_checks_follow_the_contrast_around(llvm_ad_rgb):
+    from mitsuba_whitted import cells, hidden
+    from mitsuba_whitted.corners import from_corners
+
+    # A bright and a faint edge, upright through the middle of columns 10 and 40 of 64.
+    def look(x, y, active):
+        bright, faint = x > 10.5, x > 40.5
+        colour = dr.select(bright, mi.Float(1), 0) + dr.select(faint, mi.Float(0.1), 0)
+        path = dr.select(bright, mi.UInt32(1), 0) + dr.select(faint, mi.UInt32(1), 0)
+        return mi.Vector4f(colour, colour, colour, 1), path
+
+    target = 4e-3
+    some = cells.pixels(look, 64, 0, 16)
+    estimate, errors = from_corners(some, target)
+    of_each = np.array(hidden.checks(some, estimate, errors, target, 64 * 16))
+    found = np.zeros((16, 64), int)
+    inside = np.array(some.inside)
+    found[np.array(some.j)[inside], np.array(some.i)[inside]] = of_each[inside]
+    columns = found[0]
+    assert np.all(found == columns)
+    beside = np.isin(np.arange(64), [9, 10, 11]), np.isin(np.arange(64), [39, 40, 41])
+    # What hides fills 1/k of a pixel with the contrast around: as much as the whole target. To the faint edge falls
+    # most of the mean contrast, (1 + 0.01) / 2 in squares. The number is cut to a whole one, which takes up to 1; the
+    # steps of the histogram that the mean is of, 2^(1/8) either way, are less.
+    whole = 1 / (target * math.sqrt(64 * 16))
+    assert np.all(columns[beside[0]] == int(hidden.NEAR * whole))
+    assert np.all(np.abs(columns[beside[1]] - hidden.ANYWHERE * whole * math.sqrt(0.505)) <= 1)
+    far = columns[~beside[0] & ~beside[1]]
+    assert np.all(far == far[0])
+    assert far[0] < columns[40] < columns[10]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+@pytest.mark.parametrize("target", [1e-2, 1e-5])
+def test_colours_that_are_no_numbers_stay_where_they_are(llvm_ad_rgb, monkeypatch, bad, target):
+    # A disc of such a colour, and a diamond beside it, whose corners are split.
+    monkeypatch.setattr("mitsuba_whitted.antialias.ENOUGH", 32)
+
+    def look(x, y, active):
+        left, right = (x - 16) ** 2 + (y - 20) ** 2 < 50, dr.abs(x - 40.2) + dr.abs(y - 20.3) < 7.3
+        colour = dr.select(left, mi.Float(bad), dr.select(right, mi.Float(1), 0))
+        path = dr.select(left, mi.UInt32(1), dr.select(right, mi.UInt32(2), 0))
+        return mi.Vector4f(colour, colour, colour, 1), path
+
+    picture = drawn(look, 56, 40, target)
+    y, x = np.mgrid[:40, :56] + 0.5
+    assert np.all(np.isfinite(picture[np.hypot(x - 16, y - 20) > math.sqrt(50) + 1.5]))
+    # Errors of opposite sign make up for each other in the sum: it is off by less than if all had one.
+    assert abs(picture[:, 28:].sum() - 2 * 7.3**2) <= target * 40 * 28
+
+
+@pytest.mark.parametrize("target", [5e-324, 1e-200, 1e-39, 1e39, 1e200, 1e308])
+def test_targets_beyond_the_range_of_colours_are_all_or_nothing(llvm_ad_rgb, target):
+    from mitsuba_whitted.edges import FINEST
+
+    def look(x, y, active):
+        inside = x > 2.25
+        colour = dr.select(inside, mi.Float(1), 0)
+        return mi.Vector4f(colour, colour, colour, 1), dr.select(inside, mi.UInt32(1), 0)
+
+    column, finest = (0.75, FINEST) if target < 1 else (0.5, 0)  # found by bisection; by the corners
+    assert np.all(np.abs(drawn(look, 6, 3, target) - [0, 0, column, 1, 1, 1]) <= finest)
