@@ -3,39 +3,38 @@
 A cell, at first a pixel, has samples at its four corners, which it shares with its neighbours. Where their paths are
 one (the same objects met, on them the same squares of checkerboards and texels of bitmaps, and the same lights seen
 at every bounce) and their colours nearly linear, the mean of the corners is its colour, or Simpson's rule with one
-sample more in its centre. A cell of two paths has an edge: where that crosses the sides is found by bisection, how it
-is bent between by a search across the chord, and each side of it counts by its area, with the colour at its centroid
-(`edges`). What does not bear this out is averaged over a few samples where these suffice, or else split in four. Once
-so little is left that all of it can be averaged over in the time that another split would take, it is.
+sample more in its centre. A cell of two paths has an edge: where that crosses the sides is found by bisection
+(`crossings`), how it is bent between by a search across the chord, and each side of it counts by its area, with the
+colour at its centroid (`parts`, `edges`). What does not bear this out is averaged over a few samples where these
+suffice, or else split in four. Once so little is left that all of it can be averaged over in the time that another
+split would take, it is.
 
 Which cells need more than their corners is decided by the error that is left: cells are refined from the worst down
 until the sum of the squares of all that is left meets the target (`water`), and at every depth anew, with what was
 seen until then. How far off a cell is, is guessed from its corners (`corners`) or from the samples that look closer.
 
-An average shows by two halves of its samples how far off it is: where that is too much, it is taken again with more
-(`averages`).
+An average shows by two halves of its samples how far off it is: where that is too much, it is taken again with more,
+or the cell is split, whichever takes less (`averages`).
 
 Things that no corner meets show no error. So pixels next to an edge, and some or all others, are checked by samples
 more, the more of them the fewer pixels there are to share the target (`hidden`). Where one finds another colour than
-was expected the pixel is averaged over or split, and the pixels around are checked about the same place, and those
-around these.
+was expected the pixel is averaged over, and split only as far as its parts bear this out; and the pixels around are
+checked about the same place, and those around these (`places`).
 
 The target is kept by estimates, not proven; a thing that no sample meets stays unseen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
 from mitsuba_whitted import cells
-from mitsuba_whitted.averages import ENOUGH, average, average_to, needed
-from mitsuba_whitted.cells import Cells, Estimate, Kind, Look
+from mitsuba_whitted.averages import average, average_to, enlarged, needed, suffice
+from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, norm
 from mitsuba_whitted.corners import from_corners
 from mitsuba_whitted.edges import look_closer
 from mitsuba_whitted.hidden import checks, largest_around
@@ -46,13 +45,12 @@ DEPTH = 8
 """How often a pixel can be split: to 1/256."""
 
 SPLIT_AT_ONCE = 1 << 17
-"""Cells split in one launch. Each depth keeps so many at most, of some 400 bytes with all that hangs on them. Averages
-take LEAST_SAMPLES times as many samples in one.
-"""
+"""Cells split in one launch. Each depth keeps so many at most, of some 400 bytes with all that hangs on them."""
 
-# What follows, and in `averages`, `corners`, `water`, `hidden` and `edges`, was fitted on scenes a, b and c of the
-# benchmark with seeds 1, 2, 11, 12, 13, 370324 and 3703242033, and on the random scenes 1000 to 1039, 7000 to 7031,
-# 2319633131 to 2319633160 and 2648890011 to 2648890040, then left alone.
+# What follows, and in `averages`, `corners`, `crossings`, `edges`, `hidden`, `places` and `water`, was fitted on scenes
+# a, b and c of the benchmark with seeds 1, 2, 11, 12, 13, 370324, 74491549 and 3703242033, and on the random scenes
+# 1000 to 1039, 7000 to 7031, 2319633131 to 2319633160, 2648890011 to 2648890040 and 2914742474 to 2914742505, then left
+# alone.
 
 FOLLOWED = 8
 """What was hidden is followed over so many pixels."""
@@ -62,7 +60,10 @@ WORTH_FOLLOWING = 0.5
 next it is likely to make as much.
 """
 
-AIM = 0.62
+SURE = 2.0
+"""An average is further off than this many times its error only where its samples are misleading."""
+
+AIM = 0.7
 """Aimed at, in parts of the target error, for what is not foreseen."""
 
 SMALLEST, LARGEST = 2.0**-100, 2.0**100
@@ -107,15 +108,8 @@ def refined(look: Look, width: int, top: int, bottom: int, target: float) -> Ban
     return Band(pixels.i, pixels.j + opaque(mi.UInt32(top)), pixels.inside, colour)
 
 
-def _follow(look: Look, pixels: Cells, estimate: Estimate, known: Any, checks: Any, limit: Any, budget: float) -> Any:
-    """Where something was hidden, and not `known`, look for more of it in the pixels around, and around these.
-
-    Returns
-    -------
-    Bool
-        The pixels that were looked at.
-    """
-    looked = mi.Bool(False)
+def _follow(look: Look, pixels: Cells, estimate: Estimate, known: Any, checks: Any, limit: Any, budget: float) -> None:
+    """Where something was hidden, and not `known`, look for more of it in the pixels around, and around these."""
     for _ in range(FOLLOWED):
         surprised = pixels.inside & (estimate.error > limit) & ~known
         found = dr.select(surprised, estimate.error, 0)
@@ -124,10 +118,8 @@ def _follow(look: Look, pixels: Cells, estimate: Estimate, known: Any, checks: A
         known |= surprised
         places = largest_around(pixels, mi.Float(dr.select(surprised, dr.maximum(estimate.surprise, 1), 0)))
         follow = dr.select(estimate.error <= limit, mi.UInt32(places), 0)
-        looked |= follow > 0
-        dr.eval(known, follow, looked)  # else every round would be another kernel
+        dr.eval(known, follow)  # else every round would be another kernel
         _look(look, pixels, estimate, follow > 0, checks, follow, limit)
-    return looked
 
 
 def _look(look: Look, some: Cells, estimate: Estimate, closer: Any, checks: Any, follow: Any, limit: Any) -> None:
@@ -138,20 +130,16 @@ def _look(look: Look, some: Cells, estimate: Estimate, closer: Any, checks: Any,
         look_closer(look, some, estimate, close, checks, follow, limit)
 
 
-def _left(some: Cells, estimate: Estimate, share: Any, limit: Any, budget: float) -> float:
+def _left(estimate: Estimate, done: Any, share: Any, budget: float) -> float:
     """Tell what of the budget is left by the cells that are done, each with its `share` of what is estimated."""
-    settled = dr.select(some.inside & (estimate.error <= limit), estimate.error * share, 0)  # NaN is neither
+    settled = dr.select(done & dr.isfinite(estimate.error), estimate.error * share, 0)
     return max(budget - float(dr.sum(settled * settled)[0]), LEAST_BUDGET * budget)
 
 
-def _batches(numbers: Any, sizes: NDArray[Any], most: int) -> Iterator[Any]:
-    """Go through the numbers of cells, in turns of about `most` by their sizes."""
-    begin = 0
-    for end in np.flatnonzero(np.diff((np.cumsum(sizes) - 1) // most, append=-1)) + 1:
-        batch = dr.gather(mi.UInt32, numbers, dr.arange(mi.UInt32, int(end) - begin) + opaque(mi.UInt32(begin)))
-        dr.eval(batch)
-        yield batch
-        begin = int(end)
+def _hides(estimate: Estimate, chosen: Any) -> Any:
+    """Tell in which of these cells something hides: they have one path, and a sample that did not fit."""
+    smooth = dr.gather(mi.UInt32, estimate.kind, chosen) == Kind.SMOOTH.value
+    return smooth & (dr.gather(mi.UInt32, estimate.surprise, chosen) > 0)
 
 
 def _refine(
@@ -168,43 +156,57 @@ def _refine(
 
     `budget` is the sum of the squares of all errors that may be left.
     """
-    limit = opaque(mi.Float(water_level(errors, target, budget)))  # as data: each picture has another
+    level = water_level(errors, target, budget)
+    limit = opaque(mi.Float(level))  # as data: each picture has another
     smooth, clutter = (estimate.kind == kind.value for kind in (Kind.SMOOTH, Kind.CLUTTER))
     expected = (estimate.error > dr.select(smooth, FROM[Kind.SMOOTH] * limit, limit)) & some.inside
     closer = dr.select(clutter, ~expected, expected | (checks > 0)) & some.inside
     _look(look, some, estimate, closer, checks, opaque(dr.zeros(mi.UInt32, dr.width(checks))), limit)
-    looked = closer | expected
     if depth == DEPTH:  # an edge that was not found is no surprise; what is met in a cell of one path is
         known = expected & ~(smooth & (estimate.surprise > 0))
-        looked |= _follow(look, some, estimate, known, checks, limit, budget)
-    wrong = dr.compress((estimate.error > limit) & some.inside)
+        _follow(look, some, estimate, known, checks, limit, budget)
+    unfit = (estimate.error > limit) & some.inside
+    wrong = dr.compress(unfit)
     if not dr.width(wrong):
         return
     untouched = dr.select(smooth, mi.Float(UNTOUCHED[Kind.SMOOTH]), UNTOUCHED[Kind.EDGE])  # clutter is looked at
-    share = dr.select(looked, 1, untouched)
-    guessed = dr.gather(mi.Float, estimate.error, wrong)
-    hides = dr.gather(mi.UInt32, estimate.kind, wrong) == Kind.SMOOTH.value
-    hides &= dr.gather(mi.UInt32, estimate.surprise, wrong) > 0
-    counts = needed(guessed, hides, limit)
-    dr.eval(guessed, hides, counts)
-    if dr.sum(mi.UInt64(counts))[0] <= ENOUGH:
-        average_to(look, some, estimate, wrong, counts, guessed, _left(some, estimate, share, limit, budget))
-        return
-    few = dr.compress((counts <= LEAST_SAMPLES) | hides)
-    for batch in _batches(few, np.array(dr.gather(mi.UInt32, counts, few), np.int64), LEAST_SAMPLES * SPLIT_AT_ONCE):
-        chosen, of_each = dr.gather(mi.UInt32, wrong, batch), dr.gather(mi.UInt32, counts, batch)
-        average(look, some, estimate, chosen, of_each, dr.gather(mi.Float, guessed, batch))
-    split = dr.compress((estimate.error > limit) & some.inside)
-    left = _left(some, estimate, share, limit, budget)
-    for chosen in _batches(split, np.ones(dr.width(split), int), SPLIT_AT_ONCE):
-        size = dr.width(chosen)
-        parts = cells.quarters(look, some, chosen)
-        of_parts, of_errors = from_corners(parts, target)
-        if depth > 1:
-            fewer = dr.gather(mi.UInt32, checks, dr.repeat(chosen, 4)) // 2
-            dr.eval(fewer)
-            _refine(look, parts, of_parts, of_errors, fewer, target, left * size / dr.width(split), depth - 1)
-        part = 4 * dr.arange(mi.UInt32, size)
-        mean = sum(dr.gather(mi.Vector4f, of_parts.value, part + k) for k in range(4)) * 0.25
-        dr.scatter(estimate.value, mean, chosen)
-        dr.eval(estimate.value)
+    share = dr.select(expected | clutter | unfit, 1, untouched)
+    left = _left(estimate, some.inside & ~unfit, share, budget)
+    guessed, hides = np.array(dr.gather(mi.Float, estimate.error, wrong)), np.array(_hides(estimate, wrong))
+    numbers = np.array(wrong)
+    counts = needed(guessed, hides, level)
+    enough = enlarged(counts, guessed, left)
+    if suffice(enough):
+        above = average_to(look, some, estimate, numbers, enough, guessed, left)
+        if above is None:
+            return
+    else:
+        few = (counts <= LEAST_SAMPLES) | hides
+        average(look, some, estimate, numbers[few], counts[few], guessed[few])
+        above = level
+    unfit &= estimate.error > opaque(mi.Float(above))
+    split = dr.compress(unfit)
+    count, left = dr.width(split), _left(estimate, some.inside & ~unfit, share, budget)
+    for begin in range(0, count, SPLIT_AT_ONCE):
+        chosen = dr.arange(mi.UInt32, min(SPLIT_AT_ONCE, count - begin)) + opaque(mi.UInt32(begin))
+        chosen = dr.gather(mi.UInt32, split, chosen)
+        dr.eval(chosen)
+        _split(look, some, estimate, chosen, checks, target, left * dr.width(chosen) / count, depth)
+
+
+def _split(
+    look: Look, some: Cells, estimate: Estimate, chosen: Any, checks: Any, target: float, budget: float, depth: int
+) -> None:
+    """Draw the parts of these cells instead. Where something hides they may miss it: then the average stays."""
+    parts = cells.quarters(look, some, chosen)
+    of_parts, errors = from_corners(parts, target)
+    if depth > 1:
+        fewer = dr.gather(mi.UInt32, checks, dr.repeat(chosen, 4)) // 2
+        dr.eval(fewer)
+        _refine(look, parts, of_parts, errors, fewer, target, budget, depth - 1)
+    part = 4 * dr.arange(mi.UInt32, dr.width(chosen))
+    mean = sum(dr.gather(mi.Vector4f, of_parts.value, part + k) for k in range(4)) * 0.25
+    average, error = dr.gather(mi.Vector4f, estimate.value, chosen), dr.gather(mi.Float, estimate.error, chosen)
+    missed = _hides(estimate, chosen) & (norm(mean - average) * (some.step * some.step) > SURE * error)
+    dr.scatter(estimate.value, dr.select(missed, average, mean), chosen)
+    dr.eval(estimate.value)

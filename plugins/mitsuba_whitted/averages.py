@@ -15,10 +15,17 @@ from mitsuba_whitted.water import AVERAGED, FALL, LEAST_SAMPLES
 
 # Fitted as told in `antialias`.
 
-ENOUGH = 1 << 17
-"""Samples that take no longer than to split once more would: some launches, however few the cells. Where so many
-suffice for all that is left, nothing more is split. Taken again they may be up to 16 times as many.
-"""
+OF_LAUNCHES = 3 << 14
+"""Samples that take as long as the launches of another split, however few the cells."""
+
+OF_PARTS = 20
+"""Samples that a cell takes when it is split: five for its parts, the others inside them."""
+
+AT_ONCE = 1 << 20
+"""Samples of averages in one launch, of some 100 bytes each, and those by which its first cell goes beyond."""
+
+MOST_SAMPLES = 1 << 18
+"""Of a cell, whatever its error."""
 
 GOLDEN_RATIO = 0x9E3779B9
 """Less 1, in units of 2^-32. Samples of an average lie at k / n, k g (modulo 1), k from 1/2: evenly spread for any n
@@ -30,6 +37,11 @@ OF_HALVES = 0.4
 
 FORESEEN = 0.5
 """Of an error that two halves show, which may be small or large by chance, this part stays as it was foreseen."""
+
+SPENT = 1.1
+"""The samples grow with this power of the error. With 1 / FALL all cells would be left with the same error, with
+1 / (FALL + 1/2) the sum of squares would take the fewest samples (Lagrange), but some pixels would be far off.
+"""
 
 OF_HIDDEN = 2 * LEAST_SAMPLES, 32 * LEAST_SAMPLES
 """Samples where something hides, at least and at most: what one of some checks met is small, and few may miss it again;
@@ -46,19 +58,51 @@ MOST_MORE = 4
 """With so many times the samples at most."""
 
 
-def needed(error: Any, hidden: Any, limit: Any) -> Any:
-    """Count the samples whose mean brings an error below the limit: an even number, above ENOUGH at most its double."""
-    count = LEAST_SAMPLES * dr.maximum(1, (AVERAGED * error / limit) ** (1 / FALL))
-    count = dr.select(hidden, dr.clip(count, *OF_HIDDEN), count)
-    return 2 * mi.UInt32(dr.ceil(dr.minimum(0.5 * count, ENOUGH)))
+def needed(errors: NDArray[np.float32], hides: NDArray[np.bool_], limit: float) -> NDArray[np.uint32]:
+    """Count the samples that cells with these errors need for about the limit; for each an even number."""
+    counts = LEAST_SAMPLES * np.maximum(1, (AVERAGED * errors.astype(float) / limit) ** SPENT)
+    return _even(np.where(hides, np.clip(counts, *OF_HIDDEN), counts))
 
 
-def average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: Any, guessed: Any) -> None:
+def enlarged(counts: NDArray[np.uint32], errors: NDArray[np.float32], budget: float) -> NDArray[np.uint32]:
+    """Take so many times these samples that the squares of the errors come to the budget, as far as can be foreseen."""
+    left = AVERAGED * errors.astype(float) * (counts / LEAST_SAMPLES) ** -FALL
+    squares = float(np.sum(left[np.isfinite(left)] ** 2))
+    return _even(counts * max(1.0, (squares / budget) ** (0.5 / FALL)))
+
+
+def _even(counts: NDArray[Any]) -> NDArray[np.uint32]:
+    found: NDArray[np.uint32] = 2 * np.ceil(0.5 * np.minimum(counts, MOST_SAMPLES)).astype(np.uint32)
+    return found
+
+
+def suffice(counts: NDArray[np.uint32]) -> bool:
+    """Tell whether averages of so many samples take no longer than to split the cells."""
+    return int(counts.sum(dtype=np.int64)) <= OF_LAUNCHES + OF_PARTS * len(counts)
+
+
+def average(
+    look: Look,
+    some: Cells,
+    estimate: Estimate,
+    chosen: NDArray[np.uint32],
+    counts: NDArray[np.uint32],
+    guessed: NDArray[np.float32],
+) -> None:
     """Take the mean of so many samples in each of these cells; `counts` are even.
 
     How much every other of them differs from the rest tells how far off their mean is; `guessed` are the errors that
     were estimated without any.
     """
+    begin = 0
+    for last in np.flatnonzero(np.diff((np.cumsum(counts, dtype=np.int64) - 1) // AT_ONCE, append=-1)).tolist():
+        batch = slice(begin, last + 1)
+        _average(look, some, estimate, owned(chosen[batch]), owned(counts[batch]), owned(guessed[batch]))
+        begin = last + 1
+
+
+def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: Any, guessed: Any) -> None:
+    """Do so in one launch."""
     ends = dr.cumsum(counts)
     first, width = ends - counts, dr.width(chosen)
     samples = int(ends[width - 1])
@@ -91,24 +135,38 @@ def average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: An
 
 
 def average_to(
-    look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: Any, guessed: Any, budget: float
-) -> None:
-    """Average over these cells until the squares of the errors that this shows come to about the budget."""
-    before, samples = np.array(guessed, np.float64), np.array(counts)
+    look: Look,
+    some: Cells,
+    estimate: Estimate,
+    chosen: NDArray[np.uint32],
+    counts: NDArray[np.uint32],
+    guessed: NDArray[np.float32],
+    budget: float,
+) -> float | None:
+    """Average over these cells until the squares of the errors that this shows come to about the budget.
+
+    Returns
+    -------
+    float or None
+        If it takes less to split the worst of them than to bring them there: the error above which they are, as
+        estimated from all of them together, which then stands for what was measured of each. None if they are done.
+    """
+    samples, lanes = counts.copy(), owned(chosen)
     average(look, some, estimate, chosen, counts, guessed)
     for _ in range(MOST_AGAIN):
-        measured = np.array(dr.gather(mi.Float, estimate.error, chosen), np.float64)
-        sound = np.isfinite(before) & np.isfinite(measured)  # no samples mend the others
-        error = _steadied(np.where(sound, measured, 0), np.where(sound, before, 0) * samples**-FALL)
+        measured = np.array(dr.gather(mi.Float, estimate.error, lanes), np.float64)
+        sound = np.isfinite(guessed) & np.isfinite(measured)  # no samples mend the others
+        error = _steadied(np.where(sound, measured, 0), np.where(sound, guessed, 0) * samples**-FALL)
         if np.sum(error**2) <= TOLERANCE**2 * budget:
             break
         limit = _level(error, budget)
         again = np.flatnonzero(error > limit)
-        more = np.minimum((error[again] / limit) ** (1 / FALL), MOST_MORE)
-        samples[again] = 2 * np.ceil(0.5 * samples[again] * more)
-        lanes = owned(again.astype(np.uint32))
-        worst, of_worst = dr.gather(mi.UInt32, chosen, lanes), dr.gather(mi.Float, guessed, lanes)
-        average(look, some, estimate, worst, owned(samples[again]), of_worst)
+        samples[again] = _even(samples[again] * np.minimum((error[again] / limit) ** (1 / FALL), MOST_MORE))
+        if not suffice(samples[again]):
+            dr.scatter(estimate.error, owned(error.astype(np.float32)), lanes)
+            return limit
+        average(look, some, estimate, chosen[again], samples[again], guessed[again])
+    return None
 
 
 def _steadied(measured: NDArray[np.float64], foreseen: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -42,7 +42,7 @@ class Estimate(NamedTuple):
     kind: Any
     surprise: Any
     """One more than the number of the place of the check that met what was not expected, or that it followed
-    (`edges.place`; the centre, number 0, stands for any other sample); 0 where all was as expected.
+    (`places.place`; the centre, number 0, stands for any other sample); 0 where all was as expected.
     """
 
 

@@ -147,17 +147,17 @@ def test_a_strip_that_no_corner_meets_is_found(llvm_ad_rgb, scene_of):
     assert np.all(draw(scene, 3e-4)[strip, 0] > 0.5)
 
 
-@pytest.mark.parametrize("enough", [None, 32])
-def test_little_that_is_left_is_averaged_over_and_not_split(llvm_ad_rgb, scene_of, monkeypatch, enough):
+@pytest.mark.parametrize("launches", [None, 0])
+def test_little_that_is_left_is_averaged_over_and_not_split(llvm_ad_rgb, scene_of, monkeypatch, launches):
     from mitsuba_whitted import antialias
 
     quarters, splits = antialias.cells.quarters, []
     monkeypatch.setattr(antialias.cells, "quarters", lambda *some: splits.append(1) or quarters(*some))
-    if enough is not None:
-        monkeypatch.setattr(antialias, "ENOUGH", enough)
+    if launches is not None:
+        monkeypatch.setattr("mitsuba_whitted.averages.OF_LAUNCHES", launches)
     scene = scene_of(BODY, size=(24, 20))
     assert rms(draw(scene, 3e-3) - grid(scene, 32)) <= 1.5 * 3e-3  # few pixels, as above
-    assert bool(splits) == (enough == 32)
+    assert bool(splits) == (launches == 0)
 
 
 def test_no_launch_over_all_pixels_is_done_twice(llvm_ad_rgb, scene_of):
@@ -243,19 +243,6 @@ def test_bands_and_cells_split_in_turns_keep_the_target(converged, monkeypatch):
     in_turns = draw(scene, 1e-3)
     assert not np.array_equal(in_turns, at_once)  # the patches have found their place
     assert rms(in_turns - truth) <= 1e-3
-
-
-@pytest.mark.parametrize("sizes", [[], [5], [1] * 7, [3, 10, 1, 1, 30, 2, 8, 8]])
-def test_batches_go_through_all_cells_in_turns_of_about_a_size(llvm_ad_rgb, sizes):
-    from mitsuba_whitted import antialias
-
-    numbers = mi.UInt32(np.arange(100, 100 + len(sizes), dtype=np.uint32))
-    batches = [np.array(batch) - 100 for batch in antialias._batches(numbers, np.array(sizes, int), 3)]
-    assert [cell for batch in batches for cell in batch] == list(range(len(sizes)))
-    taken = [sum(sizes[cell] for cell in batch[1:]) for batch in batches]
-    assert all(size < 3 for size in taken)  # the first one alone may go beyond
-    if max(sizes, default=0) == 1:
-        assert [len(batch) for batch in batches] == [3, 3, 1]
 
 
 def test_a_window_of_the_film_keeps_the_target(llvm_ad_rgb, scene_of):

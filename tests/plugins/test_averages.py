@@ -10,30 +10,36 @@ import numpy as np
 import pytest
 
 
-def test_an_average_is_the_mean_of_its_lattice_whatever_else_is_averaged(llvm_ad_rgb):
+@pytest.mark.parametrize(("at_once", "launches"), [(None, [248]), (1, [14, 8, 200, 26]), (30, [22, 200, 26])])
+def test_an_average_is_the_mean_of_its_lattice_whatever_else_is_averaged(llvm_ad_rgb, monkeypatch, at_once, launches):
     from mitsuba_whitted import averages, cells
     from mitsuba_whitted.corners import from_corners
 
+    taken = []
+
     def look(x, y, active):
+        taken.append(dr.width(x))
         return mi.Vector4f(x, y, x * y, 1), mi.UInt32(0)
 
-    chosen, counts = [3, 0, 17, 40], [14, 8, 200, 26]
+    if at_once is not None:
+        monkeypatch.setattr(averages, "AT_ONCE", at_once)
+    chosen, counts = np.array([3, 0, 17, 40], np.uint32), np.array([14, 8, 200, 26], np.uint32)
     some = cells.pixels(look, 8, 0, 8)
+    taken.clear()
 
     def averaged(*batches):
         estimate, _ = from_corners(some, 1e-3)
         before = np.array(estimate.value).reshape(-1, 4)
         for batch in batches:
-            which, numbers = (mi.UInt32([part[n] for n in batch]) for part in (chosen, counts))
-            dr.make_opaque(which, numbers)  # a single number would be a constant of the kernel
-            guessed = dr.gather(mi.Float, estimate.error, which)
-            averages.average(look, some, estimate, which, numbers, guessed)
+            which, numbers = chosen[list(batch)], counts[list(batch)]
+            averages.average(look, some, estimate, which, numbers, np.array(estimate.error)[which])
         after = np.array(estimate.value).reshape(-1, 4)
         others = np.setdiff1d(np.arange(len(after)), chosen)
         assert np.array_equal(after[others], before[others])
         return after[chosen], np.array(estimate.error)[chosen]
 
     values, errors = averaged(range(4))
+    assert taken == launches
     for one_by_one in (averaged([0], [1], [2], [3]), averaged([3, 1], [2, 0])):
         assert np.array_equal(values, one_by_one[0])
         assert np.array_equal(errors, one_by_one[1])
@@ -55,8 +61,11 @@ def stripes(x, y, active):
     return mi.Vector4f(colour, colour, colour, 1), mi.UInt32(0)
 
 
-def averaged_to(budget, shown=stripes, size=16):
-    """Average over every cell of a picture: errors measured, errors if it is half white, and samples taken."""
+def averaged_to(budget, shown=stripes, size=16, split=False):
+    """Average over every cell of a picture: errors measured, errors if it is half white, and samples taken.
+
+    If some of them are to be split, the limit instead of the second.
+    """
     from mitsuba_whitted import averages, cells
     from mitsuba_whitted.corners import from_corners
 
@@ -68,13 +77,12 @@ def averaged_to(budget, shown=stripes, size=16):
 
     some = cells.pixels(shown, size, 0, size)
     estimate, _ = from_corners(some, 1e-3)
-    chosen = dr.compress(some.inside)
-    counts = dr.full(mi.UInt32, 8, size * size)
-    dr.make_opaque(counts)
-    guessed = dr.gather(mi.Float, estimate.error, chosen)
-    averages.average_to(look, some, estimate, chosen, counts, guessed, budget)
+    chosen = np.array(dr.compress(some.inside))
+    counts, guessed = np.full(size * size, 8, np.uint32), np.array(estimate.error)[chosen]
+    above = averages.average_to(look, some, estimate, chosen, counts, guessed, budget)
     values, errors = np.array(estimate.value).reshape(-1, 4), np.array(estimate.error)
-    return errors[np.array(chosen)], values[np.array(chosen), 0] - 0.5, taken
+    assert (above is not None) == split
+    return errors[chosen], above if split else values[chosen, 0] - 0.5, taken
 
 
 def test_averages_are_taken_again_until_their_errors_as_measured_meet_the_budget(llvm_ad_rgb, monkeypatch):
@@ -85,10 +93,8 @@ def test_averages_are_taken_again_until_their_errors_as_measured_meet_the_budget
     assert len(taken) > 1
     assert np.sum(errors**2) <= averages.TOLERANCE**2 * squares / 4
     assert np.sum(off**2) <= squares / 4  # what is measured is above what is, in sum
-    for budget in (squares / 4, 0.7 * squares):
-        assert (
-            averaged_to(budget)[2][1] < averages.MOST_MORE * taken[0]
-        )  # not everything anew with all that one cell may need
+    for budget in (squares / 4, 0.7 * squares):  # not everything anew with all that one cell may need
+        assert averaged_to(budget)[2][1] < averages.MOST_MORE * taken[0]
     monkeypatch.setattr(averages, "MOST_AGAIN", 0)
     errors, off, taken = averaged_to(squares / 4)
     assert len(taken) == 1
@@ -131,9 +137,8 @@ def test_an_average_of_very_many_samples_is_even(llvm_ad_rgb):
 
     some = cells.pixels(look, 1, 0, 1)
     estimate, _ = from_corners(some, 1e-3)
-    chosen, counts = mi.UInt32([0]), mi.UInt32([1 << 20])
-    dr.make_opaque(chosen, counts)
-    averages.average(look, some, estimate, chosen, counts, dr.gather(mi.Float, estimate.error, chosen))
+    chosen, counts = np.zeros(1, np.uint32), np.full(1, 1 << 20, np.uint32)
+    averages.average(look, some, estimate, chosen, counts, np.array(estimate.error)[chosen])
     y = (np.arange(1 << 20, dtype=np.uint32) * np.uint32(averages.GOLDEN_RATIO) + averages.GOLDEN_RATIO // 2) >> 8
     mean = np.mean(y.astype(float)) * 2.0**-24
     assert abs(mean - 0.5) <= 20 * 2.0**-20  # log2(n) / n
@@ -144,16 +149,49 @@ def test_an_average_of_very_many_samples_is_even(llvm_ad_rgb):
 @pytest.mark.parametrize("hidden", [False, True])
 def test_the_least_samples_do_and_the_count_is_even(llvm_ad_rgb, hidden):
     from mitsuba_whitted import averages
-    from mitsuba_whitted.water import AVERAGED, FALL, LEAST_SAMPLES
+    from mitsuba_whitted.water import AVERAGED, LEAST_SAMPLES
 
-    error = np.array([1e-6, 0.9, 1.1, 3, 20, 1e9], np.float32) / AVERAGED
-    counts = np.array(averages.needed(mi.Float(error), mi.Bool([hidden] * 6), mi.Float(1)), float)
+    errors = np.array([1e-6, 0.9, 1.1, 3, 20, 1e9, math.inf], np.float32) / np.float32(AVERAGED)
+    counts = averages.needed(errors, np.full(7, hidden), 1.0).astype(float)
     assert np.all(counts % 2 == 0)
-    exact = LEAST_SAMPLES * np.maximum(1, AVERAGED * error.astype(float)) ** (1 / FALL)
+    exact = LEAST_SAMPLES * np.maximum(1, AVERAGED * errors.astype(float)) ** averages.SPENT
     if hidden:
         exact = np.clip(exact, *averages.OF_HIDDEN)
-    exact = np.minimum(exact, 2 * averages.ENOUGH)
-    assert np.all((counts >= exact * (1 - 2.0**-20)) & (counts < exact * (1 + 2.0**-20) + 2))
+    exact = np.minimum(exact, averages.MOST_SAMPLES)
+    assert np.all((counts >= exact) & (counts < exact + 2))
+
+
+def test_samples_are_enlarged_until_the_errors_foreseen_meet_the_budget(llvm_ad_rgb):
+    from mitsuba_whitted import averages
+    from mitsuba_whitted.water import AVERAGED, FALL
+
+    rng = np.random.default_rng(2)
+    errors, counts = rng.exponential(1, 500).astype(np.float32), 2 * rng.integers(4, 100, 500).astype(np.uint32)
+
+    def squares(counts, of=slice(None)):
+        return np.sum((AVERAGED * errors * (counts / 8) ** -FALL)[of] ** 2)
+
+    assert np.array_equal(averages.enlarged(counts, errors, 2 * squares(counts)), counts)
+    for part in (0.5, 0.01):
+        enlarged = averages.enlarged(counts, errors, part * squares(counts))
+        assert squares(enlarged) <= part * squares(counts) <= squares(enlarged - 2)  # each is rounded up to an even one
+    errors[7] = 0
+    finite = averages.enlarged(counts, errors, 0.01 * squares(counts))
+    errors[7] = math.inf
+    assert np.array_equal(averages.enlarged(counts, errors, 0.01 * squares(counts, errors != math.inf)), finite)
+
+
+def test_what_would_take_more_than_to_split_it_is_left_to_be_split(llvm_ad_rgb, monkeypatch):
+    from mitsuba_whitted import averages
+
+    budget = np.sum(averaged_to(math.inf)[0] ** 2) / 4
+    monkeypatch.setattr(averages, "OF_LAUNCHES", 0)
+    monkeypatch.setattr(averages, "OF_PARTS", 8)
+    errors, above, taken = averaged_to(budget, split=True)
+    assert len(taken) == 1
+    assert np.any(errors > above)
+    # The errors are told in float32, a rounding each; the squares, their sums and the level in double.
+    assert np.isclose(np.sum(np.minimum(errors, above).astype(float) ** 2), budget, rtol=4 * 2.0**-24, atol=0)
 
 
 def test_a_level_cuts_errors_to_the_budget():
@@ -169,10 +207,11 @@ def test_a_level_cuts_errors_to_the_budget():
             assert np.any(errors > level)
 
 
-def test_steadied_errors_keep_their_sum_of_squares_and_half_of_what_was_foreseen():
-    from mitsuba_whitted.averages import _steadied
+def test_steadied_errors_keep_their_sum_of_squares_and_part_of_what_was_foreseen():
+    from mitsuba_whitted.averages import FORESEEN, _steadied
 
     measured, foreseen = np.array([0.0, 2.0, 1.0]), np.array([1.0, 1.0, 2.0])
     found = _steadied(measured, foreseen)
-    assert np.allclose(found**2, [5 / 12, 2 + 5 / 12, 1 / 2 + 5 / 3], rtol=2.0**-50, atol=0)
+    exact = (1 - FORESEEN) * np.array([0, 4, 1]) + FORESEEN * np.array([5 / 6, 5 / 6, 10 / 3])
+    assert np.allclose(found**2, exact, rtol=2.0**-50, atol=0)
     assert np.all(_steadied(np.zeros(3), np.zeros(3)) == 0)

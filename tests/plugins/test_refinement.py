@@ -84,7 +84,7 @@ def test_checks_follow_the_contrast_around(llvm_ad_rgb):
 @pytest.mark.parametrize("target", [1e-2, 1e-5])
 def test_colours_that_are_no_numbers_stay_where_they_are(llvm_ad_rgb, monkeypatch, bad, target):
     # A disc of such a colour, and a diamond beside it, whose corners are split.
-    monkeypatch.setattr("mitsuba_whitted.antialias.ENOUGH", 32)
+    monkeypatch.setattr("mitsuba_whitted.averages.OF_LAUNCHES", 0)
 
     def look(x, y, active):
         left, right = (x - 16) ** 2 + (y - 20) ** 2 < 50, dr.abs(x - 40.2) + dr.abs(y - 20.3) < 7.3
@@ -101,7 +101,7 @@ def test_colours_that_are_no_numbers_stay_where_they_are(llvm_ad_rgb, monkeypatc
 
 @pytest.mark.parametrize("target", [5e-324, 1e-200, 1e-39, 1e39, 1e200, 1e308])
 def test_targets_beyond_the_range_of_colours_are_all_or_nothing(llvm_ad_rgb, target):
-    from mitsuba_whitted.edges import FINEST
+    from mitsuba_whitted.crossings import FINEST
 
     def look(x, y, active):
         inside = x > 2.25
@@ -110,3 +110,51 @@ def test_targets_beyond_the_range_of_colours_are_all_or_nothing(llvm_ad_rgb, tar
 
     column, finest = (0.75, FINEST) if target < 1 else (0.5, 0)  # found by bisection; by the corners
     assert np.all(np.abs(drawn(look, 6, 3, target) - [0, 0, column, 1, 1, 1]) <= finest)
+
+
+@pytest.mark.parametrize(
+    ("surprised", "error", "stays"), [(False, 1e-3, False), (True, 1e-3, True), (True, 1e-2, False)]
+)
+def test_what_the_parts_of_a_cell_miss_stays_as_it_was_averaged(llvm_ad_rgb, surprised, error, stays):
+    from mitsuba_whitted import antialias, cells
+    from mitsuba_whitted.corners import from_corners
+
+    # A disc of a hundredth of a pixel, at no corner of its quarters.
+    def look(x, y, active):
+        inside = (x - 2.27) ** 2 + (y - 1.8) ** 2 < 0.01 / math.pi
+        colour = dr.select(inside, mi.Float(0), 1)
+        return mi.Vector4f(colour, colour, colour, 1), dr.select(inside, mi.UInt32(1), 0)
+
+    some = cells.pixels(look, 4, 0, 4)
+    estimate, _ = from_corners(some, 1e-3)
+    pixel = mi.UInt32(np.flatnonzero((np.array(some.i) == 2) & (np.array(some.j) == 1)).astype(np.uint32))
+    dr.scatter(estimate.value, mi.Vector4f(0.99, 0.99, 0.99, 1), pixel)
+    dr.scatter(estimate.error, mi.Float(error), pixel)
+    dr.scatter(estimate.surprise, mi.UInt32(surprised), pixel)
+    none = dr.zeros(mi.UInt32, dr.width(some.inside))
+    antialias._split(look, some, estimate, pixel, none, 1e-3, 1e-6, 1)
+    found = np.array(estimate.value).reshape(-1, 4)[np.array(pixel), 0]
+    assert found == np.float32(0.99 if stays else 1)
+
+
+def test_only_cells_that_were_averaged_over_in_vain_are_split(llvm_ad_rgb, monkeypatch):
+    from mitsuba_whitted import antialias
+
+    # Faint edges everywhere that are left as they are, and a bright disc.
+    def look(x, y, active):
+        disc = (x - 20.3) ** 2 + (y - 20.1) ** 2 < 30
+        faint = mi.UInt32(x * 0.9) & 1
+        colour = 0.5 + 1e-4 * mi.Float(faint) + dr.select(disc, mi.Float(0.4), 0)
+        return mi.Vector4f(colour, colour, colour, 1), faint + dr.select(disc, mi.UInt32(2), 0)
+
+    averaged, split = [], []
+
+    def average_to(look, some, estimate, chosen, *more):
+        averaged.extend(chosen.tolist())
+        return 1e-9  # of which all cells with an edge have more
+
+    monkeypatch.setattr(antialias, "average_to", average_to)
+    monkeypatch.setattr(antialias, "_split", lambda *some: split.extend(np.array(some[3]).tolist()))
+    drawn(look, 48, 48, 2e-3)
+    assert split
+    assert split == averaged

@@ -1,0 +1,194 @@
+"""Cells cut in two by an edge: what is expected of the colours of either part, and of the edge."""
+
+from __future__ import annotations
+
+import math
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+
+
+def linear(x, y):
+    """Show colours that change evenly, and otherwise on the two sides of a line."""
+    return mi.Vector4f(0.3 + 0.02 * x - 0.01 * y, 0.5 - 0.03 * y, 0.2, 1), mi.Vector4f(0.9 - 0.02 * x, 0.8, 0.1 * y, 1)
+
+
+MOST_CHANGE = 0.1
+"""Over a cell, of any channel on either side, along x or y."""
+
+
+def spread(parts, of_a):
+    """Least eigenvalue of the sum of o o^T over the corners of a part, o from its centroid, for each cell."""
+    centroid = parts.centroid_a if of_a else parts.centroid_b
+    total = np.zeros((2, 2, dr.width(centroid)))
+    for corner, in_a in zip([(0, 0), (1, 0), (1, 1), (0, 1)], parts.in_a, strict=True):
+        out = np.array(mi.Point2f(*corner) - centroid) * (np.array(in_a) == of_a)
+        total += out[:, None] * out[None]
+    return np.linalg.eigvalsh(total.transpose(2, 0, 1))[:, 0] + 1e-30
+
+
+def look_at(line, shown=linear):
+    """Make a Look of what is shown on the two sides of a line a x + b y > c."""
+    a, b, c = line
+
+    def look(x, y, active):
+        first = a * x + b * y > c
+        one, other = shown(x, y)
+        return dr.select(first, one, other), dr.select(first, mi.UInt32(7), 3)
+
+    return look
+
+
+LINES = {
+    "upright": (1, 0.1, 10.4),
+    "level": (-0.07, 1, 5.3),
+    "sloping": (1, 0.8, 14.2),
+    "steep": (1, -0.3, 4.13),
+}
+
+
+def edges(line, shown=linear, size=16, limit=1e-4, checks=0):
+    """Look closer at all pixels that a line cuts: their numbers, estimates before and after, and the pixels."""
+    from mitsuba_whitted import cells
+    from mitsuba_whitted.corners import from_corners
+    from mitsuba_whitted.edges import look_closer
+
+    look = look_at(line, shown)
+    some = cells.pixels(look, size, 0, size)
+    estimate, _ = from_corners(some, 1e-3)
+    cut = dr.compress(some.inside & (estimate.kind == cells.Kind.EDGE.value))
+    before = np.array(estimate.error)[np.array(cut)]
+    checks, follow = dr.full(mi.UInt32, checks, dr.width(cut)), dr.zeros(mi.UInt32, dr.width(cut))
+    dr.make_opaque(checks, follow)
+    look_closer(look, some, estimate, cut, checks, follow, dr.opaque(mi.Float, limit))
+    return np.array(cut), before, estimate, some
+
+
+@pytest.mark.parametrize("line", LINES.values(), ids=LINES)
+def test_colours_that_change_evenly_are_continued_exactly(llvm_ad_rgb, line):
+    from mitsuba_whitted import cells
+    from mitsuba_whitted.corners import from_corners
+    from mitsuba_whitted.crossings import crossings
+    from mitsuba_whitted.parts import LEVEL, cut
+
+    look = look_at(line)
+    some = cells.pixels(look, 16, 0, 16)
+    estimate, _ = from_corners(some, 1e-3)
+    two = dr.compress(some.inside & (estimate.kind == cells.Kind.EDGE.value))
+    yes = dr.full(mi.Bool, True, dr.width(two))
+    here = some.some(two)
+    parts = cut(here, crossings(look, some, two, yes, dr.opaque(mi.Float, 1e-9)), yes)
+    assert dr.none(parts.unclear)
+
+    def shown(at, first):
+        one, other = linear(here.x + at.x, here.y + at.y)
+        return dr.select(first, one, other)
+
+    a_first = here.path(here.corner) == 7
+    colour_a, colour_b = shown(parts.centroid_a, a_first), shown(parts.centroid_b, ~a_first)
+    corners_of_a = np.sum([np.array(corner) for corner in parts.in_a], axis=0)
+    least = [spread(parts, of_a) for of_a in (True, False)]
+    rng = np.random.default_rng(3)
+    seen = 0
+    for _ in range(20):
+        at = mi.Point2f(*rng.random(2).tolist())
+        is_a = (line[0] * (here.x + at.x) + line[1] * (here.y + at.y) > line[2]) == a_first
+        off = np.abs(np.array(parts.expected(is_a, colour_a, colour_b, at) - shown(at, is_a == a_first)))
+        corners = np.where(np.array(is_a), corners_of_a, 4 - corners_of_a)
+        # LEVEL takes from the plane its part of the least sum of squares that it is fitted by, in any direction: at
+        # most that of the most change over a cell, to a point no further away than across it.
+        shrunk = LEVEL / np.where(np.array(is_a), *least) * MOST_CHANGE * math.sqrt(2)
+        assert np.all((off <= shrunk + 16 * 2.0**-24)[:, corners >= 2])
+        assert np.all(off[:, corners == 1] <= MOST_CHANGE * math.sqrt(2))  # level across the way to that corner
+        seen += (corners >= 2).sum()
+    assert seen > 100
+
+
+@pytest.mark.parametrize("line", LINES.values(), ids=LINES)
+def test_an_edge_between_colours_that_change_evenly_does_not_surprise(llvm_ad_rgb, line):
+    cut, _, estimate, some = edges(line, limit=2e-3, checks=40)
+    paths = np.array([np.array(some.path(corner))[cut] for corner in some.corners()])
+    plane = (paths == paths[0]).sum(axis=0) == 2  # and the centroid: either part has a plane
+    assert plane.sum() >= 3
+    assert np.all(np.array(estimate.surprise)[cut][plane] == 0)
+
+
+def test_an_edge_bends_by_its_bulge(llvm_ad_rgb):
+    from mitsuba_whitted.parts import Parts
+
+    zero = mi.Float(0)
+    middle, away, length = mi.Point2f(0.5, 0.4), mi.Vector2f(0, 1), mi.Float(0.8)
+    parts = Parts(*[zero] * 10, middle, length, away, mi.Bool(False))
+    for x, height in ((0.1, 0), (0.5, 0.2), (0.9, 0), (0.3, 0.15), (0.7, 0.15)):
+        assert np.abs(np.array(parts.beyond(mi.Float(0.2), mi.Point2f(x, 0.4 + height)))) <= 8 * 2.0**-24
+    assert np.array(parts.beyond(mi.Float(0.2), mi.Point2f(0.5, 0.9))) > 0
+
+
+def test_an_edge_whose_colours_are_not_known_has_the_error_of_its_contrast(llvm_ad_rgb):
+    # What an average has to find anew is all of the edge, however nearly its own estimate came to the limit.
+    def shown(x, y):
+        wave = 0.2 * dr.sin(7 * x) * dr.sin(9 * y)
+        return mi.Vector4f(0.8 + wave, 0.8 + wave, 0.8 + wave, 1), mi.Vector4f(0.1, 0.1, 0.1, 1)
+
+    limit = 1e-3
+    cut, before, estimate, _ = edges(LINES["upright"], shown, limit=limit)
+    errors = np.array(estimate.error)[cut]
+    wrong = errors > limit
+    assert wrong.sum() > 8
+    assert np.all(errors[wrong] >= before[wrong])
+
+
+@pytest.mark.parametrize("limit", [2e-3, 3.2e-3])
+@pytest.mark.parametrize("paths", [1, 2])
+def test_a_bowl_does_not_surprise(llvm_ad_rgb, limit, paths):
+    from mitsuba_whitted import cells
+    from mitsuba_whitted.corners import from_corners
+    from mitsuba_whitted.edges import look_closer
+
+    def look(x, y, active):
+        bowl = 0.01 * ((x - 8.5) ** 2 + (y - 8.5) ** 2)
+        return mi.Vector4f(bowl, bowl, bowl, 1), dr.select((x > 8.7) & (paths == 2), mi.UInt32(1), 0)
+
+    some = cells.pixels(look, 17, 0, 17)
+    estimate, _ = from_corners(some, 1e-3)
+    x, y = np.array(some.x), np.array(some.y)
+    # Where the line is, only the pixel in the middle has no contrast across it.
+    chosen = np.array(some.inside) if paths == 1 else np.array(some.inside) & (x == 8) & (y == 8)
+    which = dr.compress(mi.Bool(chosen))
+    checks, follow = dr.full(mi.UInt32, 20, dr.width(which)), dr.zeros(mi.UInt32, dr.width(which))
+    dr.make_opaque(checks, follow)
+    exact = 0.01 * ((x - 8) ** 2 + (y - 8) ** 2 + 1 / 6)[chosen]
+    # Between the corners the bowl hangs by up to 0.005, a surprise for the lower limit: but the centre tells. Twice, as
+    # where something is followed: of two paths, and with the higher limit, the centre is not asked again then.
+    for again in range(2):
+        look_closer(look, some, estimate, which, checks, follow + again, dr.opaque(mi.Float, limit))
+        assert np.all(np.array(estimate.surprise)[chosen] == 0)
+        values = np.array(estimate.value).reshape(-1, 4)[chosen, 0]
+        assert np.all(np.abs(values - exact) <= 16 * 2.0**-24 * 1.5)
+
+
+def test_a_cell_that_is_only_checked_takes_its_checks_and_keeps_its_colour(llvm_ad_rgb):
+    from mitsuba_whitted import cells
+    from mitsuba_whitted.corners import from_corners
+    from mitsuba_whitted.edges import look_closer
+
+    taken = dr.zeros(mi.UInt32, 1)
+
+    def look(x, y, active):
+        dr.scatter_add(taken, mi.UInt32(1), mi.UInt32(0), active)
+        return linear(x, y)[0], mi.UInt32(0)
+
+    some = cells.pixels(look, 8, 0, 8)
+    estimate, _ = from_corners(some, 1e-3)
+    every = dr.compress(some.inside)
+    before = np.array(estimate.value), np.array(estimate.error)
+    checks, follow = dr.full(mi.UInt32, 3, dr.width(every)), dr.zeros(mi.UInt32, dr.width(every))
+    dr.make_opaque(checks, follow, taken)
+    taken -= taken
+    dr.make_opaque(taken)
+    look_closer(look, some, estimate, every, checks, follow, dr.opaque(mi.Float, 2e-3))
+    assert np.array(taken)[0] == 3 * 64
+    assert np.array_equal(np.array(estimate.value), before[0])
+    assert np.array_equal(np.array(estimate.error), before[1])
