@@ -208,5 +208,7 @@ def _split(
     mean = sum(dr.gather(mi.Vector4f, of_parts.value, part + k) for k in range(4)) * 0.25
     average, error = dr.gather(mi.Vector4f, estimate.value, chosen), dr.gather(mi.Float, estimate.error, chosen)
     missed = _hides(estimate, chosen) & (norm(mean - average) * (some.step * some.step) > SURE * error)
-    dr.scatter(estimate.value, dr.select(missed, average, mean), chosen)
+    value = dr.select(missed, average, mean)
+    dr.eval(value, average)  # else all of what is written over would be copied
+    dr.scatter(estimate.value, value, chosen)
     dr.eval(estimate.value)

@@ -156,7 +156,9 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     value, error = dr.select(is_edge, of_edge, of_smooth), dr.select(is_edge, edge_error, smooth_error)
     off = dr.maximum(off, dr.select(two, contrast, 0))
     error = dr.select(failed, dr.maximum(dr.maximum(guessed, OF_RANGE * area * off), 1.001 * limit), error)
-    dr.eval(value, error, surprise)  # here, since each scatter may start a kernel of its own
+    # Here, since each scatter may start a kernel of its own; and nothing may wait for what is written over, or it would
+    # be copied.
+    dr.eval(value, error, surprise, known, guessed)
     dr.scatter(estimate.value, value, close, (error <= limit) & (is_edge | bent))
     dr.scatter(estimate.error, error, close)
     dr.scatter(estimate.surprise, surprise, close)

@@ -160,6 +160,19 @@ def test_little_that_is_left_is_averaged_over_and_not_split(llvm_ad_rgb, scene_o
     assert bool(splits) == (launches == 0)
 
 
+def test_estimates_are_written_over_and_not_copied(llvm_ad_rgb, scene_of):
+    # They would be, as long as anything that is not computed yet depends on what they were.
+    scene = scene_of(BODY, size=(96, 80))
+    draw(scene, 1e-3)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        draw(scene, 1e-3)
+        history = dr.kernel_history()
+    copies = [each["size"] for each in history if str(each["type"]).endswith("Memcpy")]
+    assert copies  # counts and sums are fetched
+    assert max(copies) < 4 * 4 * 96 * 96  # bytes of all values, in whole squares of 32 x 32 pixels
+
+
 def test_no_launch_over_all_pixels_is_done_twice(llvm_ad_rgb, scene_of):
     # Estimates and cells are named tuples, which dr.eval passes by: each launch would compute them anew.
     scene = scene_of(BODY, size=(96, 80))
