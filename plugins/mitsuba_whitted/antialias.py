@@ -136,12 +136,6 @@ def _left(estimate: Estimate, done: Any, share: Any, budget: float) -> float:
     return max(budget - float(dr.sum(settled * settled)[0]), LEAST_BUDGET * budget)
 
 
-def _hides(estimate: Estimate, chosen: Any) -> Any:
-    """Tell in which of these cells something hides: they have one path, and a sample that did not fit."""
-    smooth = dr.gather(mi.UInt32, estimate.kind, chosen) == Kind.SMOOTH.value
-    return smooth & (dr.gather(mi.UInt32, estimate.surprise, chosen) > 0)
-
-
 def _refine(
     look: Look,
     some: Cells,
@@ -163,7 +157,7 @@ def _refine(
     closer = dr.select(clutter, ~expected, expected | (checks > 0)) & some.inside
     _look(look, some, estimate, closer, checks, opaque(dr.zeros(mi.UInt32, dr.width(checks))), limit)
     if depth == DEPTH:  # an edge that was not found is no surprise; what is met in a cell of one path is
-        known = expected & ~(smooth & (estimate.surprise > 0))
+        known = expected & ~estimate.hides()
         _follow(look, some, estimate, known, checks, limit, budget)
     unfit = (estimate.error > limit) & some.inside
     wrong = dr.compress(unfit)
@@ -172,8 +166,9 @@ def _refine(
     untouched = dr.select(smooth, mi.Float(UNTOUCHED[Kind.SMOOTH]), UNTOUCHED[Kind.EDGE])  # clutter is looked at
     share = dr.select(expected | clutter | unfit, 1, untouched)
     left = _left(estimate, some.inside & ~unfit, share, budget)
-    guessed, hides = np.array(dr.gather(mi.Float, estimate.error, wrong)), np.array(_hides(estimate, wrong))
-    numbers = np.array(wrong)
+    of_wrong = estimate.some(wrong)
+    numbers, guessed, hides = (np.array(part) for part in (wrong, of_wrong.error, of_wrong.hides()))
+    del of_wrong  # or what it is picked from would be copied where it is written over
     counts = needed(guessed, hides, level)
     enough = enlarged(counts, guessed, left)
     if suffice(enough):
@@ -206,9 +201,9 @@ def _split(
         _refine(look, parts, of_parts, errors, fewer, target, budget, depth - 1)
     part = 4 * dr.arange(mi.UInt32, dr.width(chosen))
     mean = sum(dr.gather(mi.Vector4f, of_parts.value, part + k) for k in range(4)) * 0.25
-    average, error = dr.gather(mi.Vector4f, estimate.value, chosen), dr.gather(mi.Float, estimate.error, chosen)
-    missed = _hides(estimate, chosen) & (norm(mean - average) * (some.step * some.step) > SURE * error)
-    value = dr.select(missed, average, mean)
-    dr.eval(value, average)  # else all of what is written over would be copied
+    before = estimate.some(chosen)
+    missed = before.hides() & (norm(mean - before.value) * (some.step * some.step) > SURE * before.error)
+    value = dr.select(missed, before.value, mean)
+    dr.eval(value, before.value)  # else all of what is written over would be copied
     dr.scatter(estimate.value, value, chosen)
     dr.eval(estimate.value)

@@ -36,7 +36,7 @@ class Estimate(NamedTuple):
     """What is known of each cell so far."""
 
     value: Any
-    """Colour and alpha, four numbers a cell."""
+    """Colour and alpha, four numbers a cell; of `some` cells a Vector4f."""
     error: Any
     """What is expected to be wrong with the colour, times the cell's share of the pixel."""
     kind: Any
@@ -44,6 +44,15 @@ class Estimate(NamedTuple):
     """One more than the number of the place of the check that met what was not expected, or that it followed
     (`places.place`; the centre, number 0, stands for any other sample); 0 where all was as expected.
     """
+
+    def some(self, cell: Any) -> Estimate:
+        """Pick what is known of the cells with these numbers."""
+        kinds = mi.Vector4f, mi.Float, mi.UInt32, mi.UInt32
+        return Estimate(*(dr.gather(kind, part, cell) for kind, part in zip(kinds, self, strict=True)))
+
+    def hides(self) -> Any:
+        """Tell where something hides: in cells of one path, with a sample that did not fit."""
+        return (self.kind == Kind.SMOOTH.value) & (self.surprise > 0)
 
 
 class Cells(NamedTuple):

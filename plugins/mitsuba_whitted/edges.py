@@ -55,8 +55,8 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     fit, or the error is still above `limit`, the values are left as they are.
     """
     checks = checks + dr.select(follow > 0, mi.UInt32(MORE_CHECKS), 0)
-    kind, guessed = dr.gather(mi.UInt32, estimate.kind, close), dr.gather(mi.Float, estimate.error, close)
-    two, several = kind == Kind.EDGE.value, kind == Kind.CLUTTER.value
+    before = estimate.some(close)
+    two, several = before.kind == Kind.EDGE.value, before.kind == Kind.CLUTTER.value
     here = cells.some(close)
     parts = cut(here, crossings(look, cells, close, two, limit), two)
     of_corners = sum(parts.corners) * 0.25
@@ -65,7 +65,7 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     weight = area * contrast
     # Where both parts have nearly the same colour, what counts is whether the centre has it too.
     is_edge = two & (weight * OF_RANGE > limit)
-    bent = several | (guessed > dr.select(two, 1, float(FROM[Kind.SMOOTH])) * limit)
+    bent = several | (before.error > dr.select(two, 1, float(FROM[Kind.SMOOTH])) * limit)
     of_bulge = BULGE * weight * parts.length
     fine = dr.maximum(limit / of_bulge, FINEST)
     ask_a = CENTROID * weight * parts.area_a > limit
@@ -139,8 +139,7 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
 
     number, zero = mi.UInt32(0), mi.Float(0)
     # A smooth cell may have been looked at before: Simpson's rule tells what the centre was, if it was asked at all.
-    known = dr.gather(mi.Vector4f, estimate.value, close)
-    colour_a = dr.select(is_edge, parts.mean_a, 1.5 * known - 0.5 * of_corners)
+    colour_a = dr.select(is_edge, parts.mean_a, 1.5 * before.value - 0.5 * of_corners)
     state = start, number, zero, zero, mi.Float(2), colour_a, parts.mean_b, failed, zero, number
     looked: Any = dr.while_loop(state, lambda phase, *_: phase != _OVER, step, label="edges")
     _, _, outward, low, high, colour_a, colour_b, failed, off, surprise = looked
@@ -152,13 +151,13 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     edge_error = dr.maximum(area * change * OF_CHANGE, OF_EDGE * dr.minimum(limit, weight))
     failed |= is_edge & (edge_error > limit)  # then an average has to find all of it anew
     of_smooth = (of_corners + 2 * colour_a) * (1 / 3)  # exact for polynomials up to the third degree
-    smooth_error = dr.select(bent, area * norm(colour_a - of_corners) * SIMPSON, guessed)
+    smooth_error = dr.select(bent, area * norm(colour_a - of_corners) * SIMPSON, before.error)
     value, error = dr.select(is_edge, of_edge, of_smooth), dr.select(is_edge, edge_error, smooth_error)
     off = dr.maximum(off, dr.select(two, contrast, 0))
-    error = dr.select(failed, dr.maximum(dr.maximum(guessed, OF_RANGE * area * off), 1.001 * limit), error)
+    error = dr.select(failed, dr.maximum(dr.maximum(before.error, OF_RANGE * area * off), 1.001 * limit), error)
     # Here, since each scatter may start a kernel of its own; and nothing may wait for what is written over, or it would
     # be copied.
-    dr.eval(value, error, surprise, known, guessed)
+    dr.eval(value, error, surprise, *before)
     dr.scatter(estimate.value, value, close, (error <= limit) & (is_edge | bent))
     dr.scatter(estimate.error, error, close)
     dr.scatter(estimate.surprise, surprise, close)

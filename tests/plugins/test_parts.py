@@ -97,8 +97,9 @@ def test_colours_that_change_evenly_are_continued_exactly(llvm_ad_rgb, line):
         is_a = (line[0] * (here.x + at.x) + line[1] * (here.y + at.y) > line[2]) == a_first
         off = np.abs(np.array(parts.expected(is_a, colour_a, colour_b, at) - shown(at, is_a == a_first)))
         corners = np.where(np.array(is_a), corners_of_a, 4 - corners_of_a)
-        # LEVEL takes from the plane its part of the least sum of squares that it is fitted by, in any direction: at
-        # most that of the most change over a cell, to a point no further away than across it.
+        # Colours, differences, products and sums: sixteen roundings of numbers of at most 1. And LEVEL takes from the
+        # plane its part of the least sum of squares that it is fitted by, in any direction: at most that of the most
+        # change over a cell, to a point no further away than across it.
         shrunk = LEVEL / np.where(np.array(is_a), *least) * MOST_CHANGE * math.sqrt(2)
         assert np.all((off <= shrunk + 16 * 2.0**-24)[:, corners >= 2])
         assert np.all(off[:, corners == 1] <= MOST_CHANGE * math.sqrt(2))  # level across the way to that corner
@@ -121,6 +122,7 @@ def test_an_edge_bends_by_its_bulge(llvm_ad_rgb):
     zero = mi.Float(0)
     middle, away, length = mi.Point2f(0.5, 0.4), mi.Vector2f(0, 1), mi.Float(0.8)
     parts = Parts(*[zero] * 10, middle, length, away, mi.Bool(False))
+    # Differences, two products each and their sums, a quotient: ten roundings of numbers of at most 0.8.
     for x, height in ((0.1, 0), (0.5, 0.2), (0.9, 0), (0.3, 0.15), (0.7, 0.15)):
         assert np.abs(np.array(parts.beyond(mi.Float(0.2), mi.Point2f(x, 0.4 + height)))) <= 8 * 2.0**-24
     assert np.array(parts.beyond(mi.Float(0.2), mi.Point2f(0.5, 0.9))) > 0
@@ -166,7 +168,9 @@ def test_a_bowl_does_not_surprise(llvm_ad_rgb, limit, paths):
         look_closer(look, some, estimate, which, checks, follow + again, dr.opaque(mi.Float, limit))
         assert np.all(np.array(estimate.surprise)[chosen] == 0)
         values = np.array(estimate.value).reshape(-1, 4)[chosen, 0]
-        assert np.all(np.abs(values - exact) <= 16 * 2.0**-24 * 1.5)
+        # 0.01 and its product with a square, which is exact; three sums for the mean, one more, the third and its
+        # product: eight roundings of numbers of at most 0.01 * 2 * 8.5^2.
+        assert np.all(np.abs(values - exact) <= 8 * 2.0**-24 * 0.01 * 2 * 8.5**2)
 
 
 def test_a_cell_that_is_only_checked_takes_its_checks_and_keeps_its_colour(llvm_ad_rgb):
