@@ -15,10 +15,10 @@ from mitsuba_whitted.water import AVERAGED, FALL, LEAST_SAMPLES
 
 # Fitted as told in `antialias`.
 
-OF_LAUNCHES = 3 << 14
+OF_LAUNCHES = 2 << 14
 """Samples that take as long as the launches of another split, however few the cells."""
 
-OF_PARTS = 20
+OF_PARTS = 30
 """Samples that a cell takes when it is split: five for its parts, the others inside them."""
 
 AT_ONCE = 1 << 20
@@ -43,12 +43,15 @@ SPENT = 1.1
 1 / (FALL + 1/2) the sum of squares would take the fewest samples (Lagrange), but some pixels would be far off.
 """
 
-OF_HIDDEN = 2 * LEAST_SAMPLES, 32 * LEAST_SAMPLES
+HIDING = 2.0
+"""Where something hides, averages are further off by this factor: it is small, and most samples miss it."""
+
+OF_HIDDEN = 16, 256
 """Samples where something hides, at least and at most: what one of some checks met is small, and few may miss it again;
 how small is not known, and what the most do not settle is split.
 """
 
-TOLERANCE = 1.15
+TOLERANCE = 1.3
 """Errors measured together may be above those asked for by this factor: the measure is no better."""
 
 MOST_AGAIN = 2
@@ -111,8 +114,10 @@ def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: A
     cell = dr.cumsum(begins)
     here = some.some(dr.gather(mi.UInt32, chosen, cell))
     k = dr.arange(mi.UInt32, samples) - dr.gather(mi.UInt32, first, cell)
-    x = (mi.Float(k) + 0.5) / mi.Float(dr.gather(mi.UInt32, counts, cell))
+    count = mi.Float(dr.gather(mi.UInt32, counts, cell))
+    x = (mi.Float(k) + 0.5) / count
     y = mi.Float((k * GOLDEN_RATIO + GOLDEN_RATIO // 2) >> 8) * 2.0**-24  # whole numbers: k may be a million
+    x, y = (dr.lerp(at, 0.5, _of_corners(count)) for at in (x, y))
     colour, _ = look(dr.fma(x, here.step, here.x), dr.fma(y, here.step, here.y), mi.Bool(True))
     colours = dr.ravel(colour)
     dr.eval(colours)  # else the sums would trace anew
@@ -124,14 +129,25 @@ def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: A
     state = (first, mi.Vector4d(0), mi.Vector4d(0))  # in double: a million numbers are summed
     summed: Any = dr.while_loop(state, lambda k, *_: k < ends, add, label="average")
     share = dr.rcp(mi.Float(counts))
-    even, odd = (mi.Vector4f(total * mi.Float64(share)) for total in summed[1:])
-    mean = even + odd
+    of_corners = _of_corners(mi.Float(counts))
+    even, odd = (mi.Vector4f(total * mi.Float64(share * (1 - of_corners))) for total in summed[1:])
+    known = sum(some.colour(sample) for sample in some.some(chosen).corners())
+    mean = even + odd + known * (0.25 * of_corners)
     error = norm(even - odd) * (2 * OF_HALVES) * (some.step * some.step)
     error = dr.maximum(error, FORESEEN * guessed * share**FALL)
     dr.eval(mean, error)
     dr.scatter(estimate.value, mean, chosen)
     dr.scatter(estimate.error, error, chosen)
     dr.eval(*estimate)
+
+
+def _of_corners(count: Any) -> Any:
+    """Tell the share of the corners, which are known already, in an average of so many samples: each is half a sample.
+
+    The samples move towards the centre by the same share w, and the mean of what is quadratic stays right but for
+    3 w^2. With both, the error of random edges is 0.8 times that of the samples alone if there are 6, 0.9 times if 16.
+    """
+    return 2 * dr.rcp(count + 4)
 
 
 def average_to(

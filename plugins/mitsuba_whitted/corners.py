@@ -21,11 +21,6 @@ Two uniform colours that an edge through a random place parts: 0.29, the standar
 Below the pixel it also holds for cells of one path: their pixel was split since something is there.
 """
 
-OF_CLUTTER = 0.5
-"""The same of cells with more than two: samples that have nothing to do with each other are off by 0.5 of their range,
-as neighbours are by the same corners.
-"""
-
 OF_BEND = 1 / 12
 """Error of the mean of the corners of a smooth function, in parts of its second differences (the trapezoidal rule)."""
 
@@ -47,7 +42,6 @@ def from_corners(some: Cells, target: float) -> tuple[Estimate, Histogram]:
     high = dr.maximum(dr.maximum(colours[0], colours[1]), dr.maximum(colours[2], colours[3]))
     low, high = _range_around(some, crossed > 3, low, high)
     of_range = dr.select((crossed != 0) | (some.step < 1), mi.Float(OF_RANGE), 0)
-    of_range = dr.select(crossed > 2, OF_CLUTTER, of_range)
     error = some.step * some.step * dr.maximum(_bend(some), norm(high - low) * of_range)
     count = dr.width(some.x)
     value = dr.empty(mi.Float, 4 * count)

@@ -96,7 +96,8 @@ def crossings(look: Look, cells: Cells, close: Any, two: Any, limit: Any) -> Any
         middle = 0.5 * (low + high)
         colour, path = look(dr.fma(middle, dx, x), dr.fma(middle, dy, y), mi.Bool(True))
         at_begin, known = belongs(colour, path, colours, paths, contrast, limit / area)
-        return dr.select(at_begin, middle, low), dr.select(at_begin, high, middle), unclear | ~known
+        unclear |= ~known & (high - low > 2 * fine)  # in the last step it is too thin to matter
+        return dr.select(at_begin, middle, low), dr.select(at_begin, high, middle), unclear
 
     def goes_on(low: Any, high: Any, unclear: Any) -> Any:
         return (high - low > fine) & ~unclear

@@ -112,7 +112,7 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
         high = dr.select(searching & ~first & ~further, bulge, high)
         outward = dr.select(searching & first, dr.select(is_a, mi.Float(1), -1), outward)
         found = ~first & (high - low <= 1.001 * fine)
-        failed |= searching & (~known | (low > LARGEST_BULGE))
+        failed |= searching & ((~known & (high - low > 2 * fine)) | (low > LARGEST_BULGE))
         failed |= (phase == _AT_A) & ~(known & is_a)
         failed |= (phase == _AT_B) & ~(known & ~is_a)
 

@@ -237,8 +237,8 @@ def _shaded(
         note("ambient", colour=ambient)
         colour = colour + ambient
 
-    side = dr.select(surface.behind, mi.UInt32(2), mi.UInt32(1))
-    path = _joined(chain.path, dr.select(surface.found, 2 * hit.shape + side, 0))
+    side = dr.select(surface.in_front, mi.UInt32(1), dr.select(surface.behind, mi.UInt32(2), 3))
+    path = _joined(chain.path, dr.select(surface.found, 4 * hit.shape + side, 0))
     if plan.textured:
         for number in stage.squares(hit, surface.material, surface.found):
             path = _joined(path, number)

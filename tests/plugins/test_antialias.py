@@ -351,6 +351,16 @@ def test_paths_differ_by_the_objects_met_and_by_the_lights_seen(llvm_ad_rgb, sce
     assert np.ptp(colour[:, path == lit_floor]) <= 64 * 2.0**-24
 
 
+def test_the_inside_of_a_one_sided_surface_is_a_path_of_its_own(llvm_ad_rgb, scene_of):
+    # An open tube, into which the camera looks at a slant: sky, outside, and the inside, which shows nothing.
+    tube = """<shape type="cylinder"><point name="p0" value="0.2, -0.3, 4"/><point name="p1" value="-0.2, 0.3, 6"/>
+      <float name="radius" value="0.5"/><bsdf type="blinnphong" id="shell"/></shape>"""
+    two_sided = tube.replace("<bsdf", '<bsdf type="twosided"><bsdf').replace("</shape>", "</bsdf></shape>")
+    for body in (tube, two_sided):
+        path = np.array(centres(scene_of(body, "", (64, 64)), 64).path)
+        assert len({*path}) == 3
+
+
 @pytest.mark.parametrize(
     "look",
     [

@@ -11,7 +11,9 @@ import pytest
 
 
 @pytest.mark.parametrize(("at_once", "launches"), [(None, [248]), (1, [14, 8, 200, 26]), (30, [22, 200, 26])])
-def test_an_average_is_the_mean_of_its_lattice_whatever_else_is_averaged(llvm_ad_rgb, monkeypatch, at_once, launches):
+def test_an_average_is_that_of_its_lattice_and_corners_whatever_else_is_averaged(
+    llvm_ad_rgb, monkeypatch, at_once, launches
+):
     from mitsuba_whitted import averages, cells
     from mitsuba_whitted.corners import from_corners
 
@@ -45,13 +47,59 @@ def test_an_average_is_the_mean_of_its_lattice_whatever_else_is_averaged(llvm_ad
         assert np.array_equal(errors, one_by_one[1])
     for cell, count, value in zip(chosen, counts, values, strict=True):
         k = np.arange(count) + 0.5
-        x = np.array(some.x)[cell] + k / count
-        y = np.array(some.y)[cell] + k * averages.GOLDEN_RATIO / 2**32 % 1
+        share = 2 / (count + 4)
+        places = np.array([k / count, k * averages.GOLDEN_RATIO / 2**32 % 1])
+        x, y = np.array([some.x, some.y])[:, cell, None] + share / 2 + (1 - share) * places
         lattice = np.array([x, y, x * y, np.ones(count)])
-        # Each term: up to eight roundings of x and y, y being cut to 2^-24 of a cell; the sums are double; the share,
-        # the mean of two halves and its place.
-        limit = 8 * np.abs(lattice).mean(axis=1) + lattice.max(axis=1)
-        assert np.all(np.abs(value - lattice.mean(axis=1)) <= limit * 2.0**-24)
+        x, y = np.array([some.x, some.y])[:, cell] + 0.5
+        exact = (1 - share) * lattice.mean(axis=1) + share * np.array([x, y, x * y, 1])
+        # Each of x and y: the quotient or the cut to 2^-24, the share, two for the move, one for the place in the
+        # picture; their product; the share, its complement, the weight and either half; the sum of the corners, its
+        # weight and product; two sums. The sums over samples are double.
+        limit = (2 * 5 + 1) + 5 + 5 + 2
+        assert np.all(np.abs(value - exact) <= limit * 2.0**-24 * lattice.max(axis=1))
+
+
+def test_corners_make_averages_better(llvm_ad_rgb, monkeypatch):
+    # Each pixel is parted by an edge of its own, at a random place and angle; the area is that of 1000 thin strips.
+    from mitsuba_whitted import averages, cells
+    from mitsuba_whitted.corners import from_corners
+
+    size, rng = 64, np.random.default_rng(3)
+    angle = rng.uniform(0, 2 * np.pi, size * size)
+    c, s = np.cos(angle), np.sin(angle)
+    d = rng.uniform(-0.5, 0.5, size * size) * (np.abs(c) + np.abs(s))
+    strips = (d[:, None] - ((np.arange(1000) + 0.5) / 1000 - 0.5) * s[:, None]) / c[:, None]
+    strips = np.clip(strips + 0.5, 0, 1)
+    area = np.where(c[:, None] > 0, strips, 1 - strips).mean(axis=1)
+    of_pixel = [mi.Float(part) for part in (c, s, d)]
+
+    def errors(count):
+        some = cells.pixels(lambda x, y, active: (mi.Vector4f(0), mi.UInt32(0)), size, 0, size)
+        chosen = np.flatnonzero(some.inside).astype(np.uint32)
+        column, row = np.array(some.i)[chosen], np.array(some.j)[chosen]
+        estimate, _ = from_corners(some, 1e-3)
+        guessed = np.zeros(len(chosen), np.float32)
+
+        def look(x, y, active):
+            pixel = mi.UInt32(y) * size + mi.UInt32(x)
+            a, b, e = (dr.gather(mi.Float, part, pixel) for part in of_pixel)
+            inside = a * (x - dr.floor(x) - 0.5) + b * (y - dr.floor(y) - 0.5) < e
+            return mi.Vector4f(dr.select(inside, mi.Float(1), 0)), mi.UInt32(0)
+
+        averages.average(look, some, estimate, chosen, np.full(len(chosen), count, np.uint32), guessed)
+        # Corners are black in what is drawn, since pixels that share one have different edges: each adds its own.
+        corners = [c * x + s * y < d for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+        of_corners = np.mean(corners, axis=0)
+        share = float(np.array(averages._of_corners(mi.Float(count)))[0])
+        found = np.array(estimate.value).reshape(-1, 4)[chosen, 0] + share * of_corners[row * size + column]
+        return np.sqrt(np.mean((found - area[row * size + column]) ** 2))
+
+    with_corners = np.array([errors(count) for count in (6, 8, 16, 32)])
+    monkeypatch.setattr(averages, "_of_corners", lambda count: mi.Float(0) * count)
+    without = np.array([errors(count) for count in (6, 8, 16, 32)])
+    assert np.all(with_corners < without)
+    assert np.array_equal(np.round(with_corners / without, 1), [0.8, 0.8, 0.9, 0.9])
 
 
 def stripes(x, y, active):
@@ -92,8 +140,9 @@ def test_averages_are_taken_again_until_their_errors_as_measured_meet_the_budget
     errors, off, taken = averaged_to(squares / 4)
     assert len(taken) > 1
     assert np.sum(errors**2) <= averages.TOLERANCE**2 * squares / 4
-    assert np.sum(off**2) <= squares / 4  # what is measured is above what is, in sum
-    for budget in (squares / 4, 0.7 * squares):  # not everything anew with all that one cell may need
+    # Of samples at random the mean is off by half of what two halves differ, in the mean of squares.
+    assert np.sum(off**2) <= (0.5 / averages.OF_HALVES * averages.TOLERANCE) ** 2 * squares / 4
+    for budget in (squares / 4, 0.5 * squares):  # not everything anew with all that one cell may need
         assert averaged_to(budget)[2][1] < averages.MOST_MORE * taken[0]
     monkeypatch.setattr(averages, "MOST_AGAIN", 0)
     errors, off, taken = averaged_to(squares / 4)
@@ -163,13 +212,13 @@ def test_the_least_samples_do_and_the_count_is_even(llvm_ad_rgb, hidden):
 
 def test_samples_are_enlarged_until_the_errors_foreseen_meet_the_budget(llvm_ad_rgb):
     from mitsuba_whitted import averages
-    from mitsuba_whitted.water import AVERAGED, FALL
+    from mitsuba_whitted.water import AVERAGED, FALL, LEAST_SAMPLES
 
     rng = np.random.default_rng(2)
     errors, counts = rng.exponential(1, 500).astype(np.float32), 2 * rng.integers(4, 100, 500).astype(np.uint32)
 
     def squares(counts, of=slice(None)):
-        return np.sum((AVERAGED * errors * (counts / 8) ** -FALL)[of] ** 2)
+        return np.sum((AVERAGED * errors * (counts / LEAST_SAMPLES) ** -FALL)[of] ** 2)
 
     assert np.array_equal(averages.enlarged(counts, errors, 2 * squares(counts)), counts)
     for part in (0.5, 0.01):

@@ -196,3 +196,24 @@ def test_a_cell_that_is_only_checked_takes_its_checks_and_keeps_its_colour(llvm_
     assert np.array(taken)[0] == 3 * 64
     assert np.array_equal(np.array(estimate.value), before[0])
     assert np.array_equal(np.array(estimate.error), before[1])
+
+
+@pytest.mark.parametrize(("third", "clear"), [(0.25, False), (0.375, True)])
+def test_a_third_path_counts_unless_only_the_last_step_of_a_search_meets_it(llvm_ad_rgb, third, clear):
+    # An upright edge, and beside it a thin strip. The search looks at 1/2, 1/4 and 3/8, and is done within 1/8.
+    from mitsuba_whitted import cells
+    from mitsuba_whitted.crossings import CROSSING, crossings, sides
+
+    def look(x, y, active):
+        at = x - 5
+        strip = dr.abs(at - third) < 0.01
+        colour = dr.select(
+            strip, mi.Vector4f(0, 1, 0, 1), dr.select(at > 0.37, mi.Vector4f(1), mi.Vector4f(0, 0, 0, 1))
+        )
+        return colour, dr.select(strip, mi.UInt32(3), dr.select(at > 0.37, mi.UInt32(7), 5))
+
+    some = cells.pixels(look, 16, 0, 16)
+    cut = dr.compress(some.inside & (some.i == 5))
+    found = crossings(look, some, cut, dr.full(mi.Bool, True, dr.width(cut)), dr.opaque(mi.Float, CROSSING / 8))
+    top = dr.gather(mi.Float, found, sides(some.some(cut))[0])
+    assert np.all(np.array(top) == (5 / 16 if clear else -1))

@@ -48,6 +48,29 @@ def test_a_strip_is_followed_from_the_few_pixels_whose_checks_meet_it(llvm_ad_rg
     assert np.all(picture[:10] == 0)
 
 
+@pytest.mark.parametrize("white", [False, True])
+def test_clutter_of_one_colour_is_checked_in_some_pixels_and_followed_from_there(llvm_ad_rgb, white):
+    # Every sample left of the edge has a path of its own. Each pixel there may have a dot, which no corner meets.
+    size, taken = 64, dr.zeros(mi.UInt32, 1)
+
+    def look(x, y, active):
+        dr.scatter_add(taken, mi.UInt32(1), mi.UInt32(0), active)
+        off = 0.5 + 0.2 * dr.sin(7 * dr.floor(x) + 3 * dr.floor(y))
+        dot = (dr.abs(x - dr.floor(x) - off) < 0.25) & (dr.abs(y - dr.floor(y) - off) < 0.25) & (x < 48) & white
+        colour = dr.select(dot | (x > 56.5), mi.Float(1), 0)
+        number = mi.UInt32(x * 4096) * 65537 + mi.UInt32(y * 4096) + 1
+        return mi.Vector4f(colour, colour, colour, 1), dr.select(x < 48, number, dr.select(x > 56.5, mi.UInt32(1), 0))
+
+    target = 1e-2
+    picture = drawn(look, size, size, target)
+    if white:
+        assert np.sum((picture[:, :48] - 0.25) ** 2) <= picture.size * target**2
+    else:
+        corners, checked, beside_the_edge = (size + 1) ** 2, 48 * size / 5, 20 * size
+        assert int(taken[0]) <= corners + checked + beside_the_edge
+        assert np.all(picture[:, :48] == 0)
+
+
 def test_checks_follow_the_contrast_around(llvm_ad_rgb):
     from mitsuba_whitted import cells, hidden
     from mitsuba_whitted.corners import from_corners
@@ -158,3 +181,27 @@ def test_only_cells_that_were_averaged_over_in_vain_are_split(llvm_ad_rgb, monke
     drawn(look, 48, 48, 2e-3)
     assert split
     assert split == averaged
+
+
+def test_averages_where_something_hides_are_expected_to_be_further_off(llvm_ad_rgb, monkeypatch):
+    from mitsuba_whitted import antialias, averages
+
+    # A strip that no corner meets, and an edge of several bends.
+    def look(x, y, active):
+        strip, edge = (dr.abs(y - 10.3) < 0.1) & (x < 40), x + 3 * dr.sin(y) > 45.5
+        colour = dr.select(strip | edge, mi.Float(1), 0)
+        return mi.Vector4f(colour, colour, colour, 1), dr.select(strip, mi.UInt32(2), dr.select(edge, mi.UInt32(1), 0))
+
+    def expected(factor):
+        asked = []
+        monkeypatch.setattr(antialias, "HIDING", factor)
+        monkeypatch.setattr(antialias, "needed", lambda *some: asked.append(some) or averages.needed(*some))
+        drawn(look, 64, 64, 2e-3)
+        errors, hides, _ = asked[0]
+        return errors, hides
+
+    once, hides = expected(1.0)
+    assert np.any(hides)
+    assert not np.all(hides)
+    assert np.array_equal(expected(3.0)[0], np.where(hides, 3, 1) * once)
+    assert averages.HIDING > 1
