@@ -27,8 +27,8 @@ class Traced(NamedTuple):
     shadow_rays: Any
     mirror_rays: Any
     path: Any
-    """Number of the path: equal where the same objects were met, on them the same squares of checkerboards and texels
-    of bitmaps, and the same lights seen, bounce after bounce."""
+    """Number of the path: equal where the same objects were met on the same side, on them the same squares of
+    checkerboards and texels of bitmaps, and the same lights seen, bounce after bounce."""
     cut_rays: Any
     """Whether a mirror was not followed since it passes too little: see `Stage.least_throughput`."""
 

@@ -21,7 +21,7 @@ from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
-FROZEN = "0cb7c1cc3260cd5f60a95b77dff05ca06a4e77ad"
+FROZEN = "60c3b204cebcf36e462c6ffad609669b4688636f"
 """The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
 here: nobody could know them before.
 """
