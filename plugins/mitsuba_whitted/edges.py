@@ -63,9 +63,9 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     area = here.step * here.step
     contrast = norm(parts.mean_a - parts.mean_b)
     weight = area * contrast
-    # Where both parts have nearly the same colour, what counts is whether the centre has it too.
+    # Where both parts have nearly the same colour, and the cell is said to be off, it is by something else.
     is_edge = two & (weight * OF_RANGE > limit)
-    bent = several | (before.error > dr.select(two, 1, float(FROM[Kind.SMOOTH])) * limit)
+    bent = several | (~two & (before.error > float(FROM[Kind.SMOOTH]) * limit))
     of_bulge = BULGE * weight * parts.length
     fine = dr.maximum(limit / of_bulge, FINEST)
     ask_a = CENTROID * weight * parts.area_a > limit
@@ -76,7 +76,7 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     after_search = dr.select(ask_a, mi.UInt32(_AT_A), after_a)
     first_of_edge = dr.select(fine < LARGEST_SEARCH, mi.UInt32(_SEARCH), after_search)
     first_of_smooth = dr.select(bent, mi.UInt32(_CENTRE), checked)
-    failed = is_edge & parts.unclear
+    failed = two & dr.select(is_edge, parts.unclear, before.error > limit)
     start = dr.select(failed, mi.UInt32(_OVER), dr.select(is_edge, first_of_edge, first_of_smooth))
 
     def step(
