@@ -21,7 +21,7 @@ from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
-FROZEN = "60c3b204cebcf36e462c6ffad609669b4688636f"
+FROZEN = "3fa5681a04b8db14b248b6ab342213d19422109c"
 """The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
 here: nobody could know them before.
 """
