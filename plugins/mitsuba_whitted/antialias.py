@@ -54,7 +54,7 @@ SPLIT_AT_ONCE = 1 << 17
 
 EVERY = 5
 """Of clutter that seems to be within the limit, such as a texture that is alike at the corners by its period, one cell
-in so many is checked: every other one touches such a cell, and is followed from there.
+in so many is checked: every other one touches such a cell, and a pixel is followed from there.
 """
 
 FOLLOWED = 8
@@ -169,7 +169,7 @@ def _refine(
     wrong = dr.compress(unfit)
     if not dr.width(wrong):
         return
-    untouched = dr.select(smooth, mi.Float(UNTOUCHED[Kind.SMOOTH]), UNTOUCHED[Kind.EDGE])  # clutter is looked at
+    untouched = dr.select(smooth, mi.Float(UNTOUCHED[Kind.SMOOTH]), UNTOUCHED[Kind.EDGE])  # clutter in full
     share = dr.select(expected | clutter | unfit, 1, untouched)
     left = _left(estimate, some.inside & ~unfit, share, budget)
     of_wrong = estimate.some(wrong)
