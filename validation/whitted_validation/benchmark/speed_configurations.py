@@ -169,13 +169,13 @@ def _after_init(attribute: str, value: Any) -> Callable[[Any], Any]:
     return make
 
 
-def _incoherent() -> None:
-    """Tell Embree nothing of the order of the rays."""
+def _otherwise_coherent() -> None:
+    """Tell Embree the opposite of whether rays are alike."""
     for name in ("ray_intersect_preliminary", "ray_test"):
         asked = getattr(mi.Scene, name)
 
-        def ask(self: Any, ray: Any, *, _asked: Any = asked, active: Any = True, **_: Any) -> Any:
-            return _asked(self, ray, coherent=False, active=active)
+        def ask(self: Any, ray: Any, *, _asked: Any = asked, coherent: bool = True, active: Any = True) -> Any:
+            return _asked(self, ray, coherent=not coherent, active=active)
 
         setattr(mi.Scene, name, ask)
 
@@ -263,7 +263,9 @@ CONFIGURATIONS = (
     Configuration("branch", "skip", "lights below the horizon are shaded, then dropped", _whitted, (_BRANCHLESS,)),
     Configuration("horizon", "skip", "and shadow rays are sent there", _whitted, (_BRANCHLESS, _ASK_ALL)),
     Configuration("rows", "skip", "pixels row by row, not in tiles", _whitted, (_ROW_BY_ROW,)),
-    Configuration("incoherent", "skip", "Embree is not told that rays are coherent", _whitted, (_incoherent,)),
+    Configuration(
+        "coherence", "skip", "Embree is told the opposite of whether rays are alike", _whitted, (_otherwise_coherent,)
+    ),
     Configuration("single", "remedy", "hits, normals and mirrors in single precision too", _whitted, (_single,)),
     Configuration("power", "remedy", "(n.h)^p from the rounded cosine", _whitted, (_PLAIN_POWER,)),
     Configuration("epsilon", "remedy", "the textbook's epsilon, 1e-4, on all rays", _with_epsilon),
