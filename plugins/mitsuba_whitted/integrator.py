@@ -316,24 +316,16 @@ def _four_channels(traced: Traced) -> mi.Vector4f:
 def _settings(props: Any) -> Settings:
     """Read and check the parameters of the integrator."""
     name = f"integrator `{props.id()}`"
-    max_depth = props.get("max_depth", 10)
-    if not isinstance(max_depth, int) or isinstance(max_depth, bool):
-        raise SceneError(f"{name}: max_depth is {max_depth}; allowed is an <integer>")
-    if not -1 <= max_depth < 2**31:  # as many as an <integer> may be
-        raise SceneError(f"{name}: max_depth {max_depth} is out of range; allowed are -1 to {2**31 - 1}")
-    falloff = str(props.get("falloff", "inverse_square"))
-    if falloff not in ("inverse_square", "none"):
-        raise SceneError(f"{name}: falloff `{falloff}` is unknown; allowed are inverse_square and none")
-    epsilon = float(props["epsilon"]) if "epsilon" in props else None
-    if epsilon is not None and not 0 < epsilon < math.inf:
-        raise SceneError(f"{name}: epsilon {epsilon:g} is out of range; it must be above 0 and finite")
-    target_error = float(props.get("target_error", 0.0))
-    if not 0 <= target_error < math.inf:
-        raise SceneError(f"{name}: target_error {target_error:g} is out of range; it must be finite and not negative")
     if props.get("hide_emitters", False):
         raise SceneError(f"{name}: hide_emitters must be false")
     ambient = constant(props.get_unbounded_texture("ambient", 0.0))
-    if ambient is None or not all(0 <= value < math.inf for value in ambient):
-        raise SceneError(f"{name}: ambient {ambient} must be one colour, finite and not negative")
+    if ambient is None:
+        raise SceneError(f"{name}: ambient must be one colour, not a texture")
+    epsilon = float(props["epsilon"]) if "epsilon" in props else None
+    falloff = str(props.get("falloff", "inverse_square"))
+    target_error = float(props.get("target_error", 0.0))
     enabled = {f"enable_{term}": bool(props.get(f"enable_{term}", True)) for term in TERMS}
-    return Settings(max_depth, tuple(ambient), falloff, epsilon, target_error, **enabled)
+    try:
+        return Settings(props.get("max_depth", 10), tuple(ambient), falloff, epsilon, target_error, **enabled)
+    except SceneError as error:
+        raise SceneError(f"{name}: {error}") from None

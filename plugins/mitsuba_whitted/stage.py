@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -36,7 +37,13 @@ _NO_LIMIT = 2**32 - 1
 
 @dataclass(frozen=True)
 class Settings:
-    """The parameters of the integrator; `integrator.py` says what they mean."""
+    """The parameters of the integrator; `integrator.py` says what they mean.
+
+    Raises
+    ------
+    SceneError
+        If one is not what it may be, also where a script replaces it.
+    """
 
     max_depth: int = 10
     ambient: tuple[float, ...] = (0.0, 0.0, 0.0)
@@ -48,6 +55,20 @@ class Settings:
     enable_specular: bool = True
     enable_shadows: bool = True
     enable_mirrors: bool = True
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.max_depth, int) or isinstance(self.max_depth, bool):
+            raise SceneError(f"max_depth is {self.max_depth}; allowed is an <integer>")
+        if not -1 <= self.max_depth < 2**31:  # as many as an <integer> may be
+            raise SceneError(f"max_depth {self.max_depth} is out of range; allowed are -1 to {2**31 - 1}")
+        if not all(0 <= value < math.inf for value in self.ambient):
+            raise SceneError(f"ambient {self.ambient} must be finite and not negative")
+        if self.falloff not in ("inverse_square", "none"):
+            raise SceneError(f"falloff `{self.falloff}` is unknown; allowed are inverse_square and none")
+        if self.epsilon is not None and not 0 < self.epsilon < math.inf:
+            raise SceneError(f"epsilon {self.epsilon:g} is out of range; it must be above 0 and finite")
+        if not 0 <= self.target_error < math.inf:
+            raise SceneError(f"target_error {self.target_error:g} is out of range; it must be finite and not negative")
 
 
 class Stage:

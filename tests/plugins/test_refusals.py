@@ -1,5 +1,6 @@
 """What the integrator does not draw it refuses: one line that names the object, and what is wrong with it."""
 
+import dataclasses
 import re
 
 import mitsuba as mi
@@ -280,6 +281,28 @@ PERSPECTIVE = '<sensor type="perspective" id="camera">{film}</sensor>'
 def test_parameters_out_of_range_are_refused_when_the_scene_is_loaded(any_rgb, scene_of, parameter, says):
     with pytest.raises(RuntimeError, match=says):
         scene_of("", parameter)
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        {"max_depth": -2},
+        {"max_depth": True},
+        {"max_depth": 2.5},
+        {"ambient": (0.0, NAN, 0.0)},
+        {"falloff": "linear"},
+        {"epsilon": 0.0},
+        {"epsilon": NAN},
+        {"target_error": -1.0},
+        {"target_error": NAN},
+        {"target_error": INFINITE},
+    ],
+)
+def test_settings_out_of_range_are_refused_in_code_too(any_rgb, scene_of, setting):
+    settings = scene_of("").integrator().settings
+    (name,) = setting
+    with pytest.raises(SceneError, match=name):
+        dataclasses.replace(settings, **setting)
 
 
 def test_hide_emitters_may_be_named_false(any_rgb, see):
