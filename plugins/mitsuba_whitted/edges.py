@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -10,7 +10,7 @@ import mitsuba as mi
 from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, norm
 from mitsuba_whitted.corners import OF_RANGE
 from mitsuba_whitted.crossings import FINEST, belongs, crossings
-from mitsuba_whitted.parts import cut
+from mitsuba_whitted.parts import Parts, cut
 from mitsuba_whitted.places import MORE_CHECKS, of_check
 from mitsuba_whitted.water import FROM
 
@@ -47,6 +47,78 @@ _SEARCH, _AT_A, _AT_B, _CENTRE, _CHECK, _OVER = range(6)
 something may hide; done."""
 
 
+class _Task(NamedTuple):
+    """Cells to be looked at, and what their corners say."""
+
+    here: Cells
+    before: Estimate
+    parts: Parts
+    of_corners: Any
+    """Mean of the colours at the corners."""
+    area: Any
+    """Share of a pixel."""
+    contrast: Any
+    """Of the two parts."""
+    is_edge: Any
+    """Whether it is the edge between two parts that makes the error."""
+    bent: Any
+    """Whether the colour bends between the corners: the centre is asked, and Simpson's rule taken."""
+    of_bulge: Any
+    """Error for a bulge, in parts of its height."""
+    fine: Any
+    """How well the height of the bulge must be known, in sides."""
+    checks: Any
+    follow: Any
+    limit: Any
+
+    def phases(self) -> _Phases:
+        """Tell what is to be done: no part is looked at whose colour could not matter."""
+        asked = CENTROID * self.area * self.contrast
+        ask_a, ask_b = (asked * part > self.limit for part in (self.parts.area_a, 1 - self.parts.area_a))
+        after_centroids = dr.select(self.checks > 0, mi.UInt32(_CHECK), _OVER)
+        after_a = dr.select(ask_b, mi.UInt32(_AT_B), after_centroids)
+        after_search = dr.select(ask_a, mi.UInt32(_AT_A), after_a)
+        of_edge = dr.select(self.fine < LARGEST_SEARCH, mi.UInt32(_SEARCH), after_search)
+        of_smooth = dr.select(self.bent, mi.UInt32(_CENTRE), after_centroids)
+        return _Phases(dr.select(self.is_edge, of_edge, of_smooth), after_search, after_a, after_centroids)
+
+
+class _Phases(NamedTuple):
+    """Phases of a look, cell by cell: the first, and which comes after others."""
+
+    first: Any
+    after_search: Any
+    after_a: Any
+    after_centroids: Any
+
+
+class _Seen(NamedTuple):
+    """State of the loop: what has been seen so far."""
+
+    phase: Any
+    k: Any
+    """Checks so far."""
+    outward: Any
+    """The edge bulges to B if this is 1, to A if it is -1; 0 is not known."""
+    low: Any
+    """The bulge is higher than this."""
+    high: Any
+    """And not as high as this; above 1 nothing bounds it yet."""
+    colour_a: Any
+    """Of part A at its centroid; of a smooth cell in its centre."""
+    colour_b: Any
+    failed: Any
+    """Whether something does not fit."""
+    off: Any
+    """How far a sample that does not is off, as a colour."""
+    surprise: Any
+    """See `Estimate`."""
+
+    def bulge(self) -> Any:
+        """Height as far as it is known: the middle of what it may be, or the least if nothing bounds it."""
+        return self.outward * 0.5 * (self.low + dr.select(self.high > 1, self.low, self.high))
+
+
 def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks: Any, follow: Any, limit: Any) -> None:
     """Take samples inside cells of one path, and find the edge in those of two.
 
@@ -59,7 +131,6 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     two, several = before.kind == Kind.EDGE.value, before.kind == Kind.CLUTTER.value
     here = cells.some(close)
     parts = cut(here, crossings(look, cells, close, two, limit), two)
-    of_corners = sum(parts.corners) * 0.25
     area = here.step * here.step
     contrast = norm(parts.mean_a - parts.mean_b)
     weight = area * contrast
@@ -68,95 +139,31 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     bent = several | (~two & (before.error > float(FROM[Kind.SMOOTH]) * limit))
     of_bulge = BULGE * weight * parts.length
     fine = dr.maximum(limit / of_bulge, FINEST)
-    ask_a = CENTROID * weight * parts.area_a > limit
-    ask_b = CENTROID * weight * (1 - parts.area_a) > limit
-
-    checked = dr.select(checks > 0, mi.UInt32(_CHECK), _OVER)
-    after_a = dr.select(ask_b, mi.UInt32(_AT_B), checked)
-    after_search = dr.select(ask_a, mi.UInt32(_AT_A), after_a)
-    first_of_edge = dr.select(fine < LARGEST_SEARCH, mi.UInt32(_SEARCH), after_search)
-    first_of_smooth = dr.select(bent, mi.UInt32(_CENTRE), checked)
+    of_corners = sum(parts.corners) * 0.25
+    task = _Task(here, before, parts, of_corners, area, contrast, is_edge, bent, of_bulge, fine, checks, follow, limit)
+    phases = task.phases()
     failed = two & dr.select(is_edge, parts.unclear, before.error > limit)
-    start = dr.select(failed, mi.UInt32(_OVER), dr.select(is_edge, first_of_edge, first_of_smooth))
-
-    def step(
-        phase: Any,
-        k: Any,
-        outward: Any,
-        low: Any,
-        high: Any,
-        colour_a: Any,
-        colour_b: Any,
-        failed: Any,
-        off: Any,
-        surprise: Any,
-    ) -> Any:
-        """Look once. The bulge lies between `low` and `high`, to B if `outward` is 1, to A if it is -1.
-
-        The colour in the centre of a smooth cell is that of A.
-        """
-        searching, checking, central = phase == _SEARCH, phase == _CHECK, phase == _CENTRE
-        first = outward == 0
-        k = dr.select(checking, k + 1, k)
-        bulge = dr.select(first, 0, dr.select(high > 1, dr.maximum(fine, 4 * low), 0.5 * (low + high)))
-        to_check, number = of_check(here, k, follow)
-        at = dr.select(phase == _AT_A, parts.centroid_a, parts.centroid_b)
-        at = dr.select(central, mi.Point2f(0.5), dr.select(checking, to_check, at))
-        at = dr.select(searching, parts.middle + outward * bulge * parts.away, at)
-        colour, path = look(dr.fma(at.x, here.step, here.x), dr.fma(at.y, here.step, here.y), phase != _OVER)
-        ends = (parts.mean_a, parts.mean_b), (parts.path_a, parts.path_b)
-        is_a, known = belongs(colour, path, *ends, contrast, limit / area)
-
-        further = is_a == (outward > 0)  # the edge is further out than this
-        low = dr.select(searching & ~first & further, bulge, low)
-        high = dr.select(searching & ~first & ~further, bulge, high)
-        outward = dr.select(searching & first, dr.select(is_a, mi.Float(1), -1), outward)
-        found = ~first & (high - low <= 1.001 * fine)
-        failed |= searching & ((~known & (high - low > 2 * fine)) | (low > LARGEST_BULGE))
-        failed |= (phase == _AT_A) & ~(known & is_a)
-        failed |= (phase == _AT_B) & ~(known & ~is_a)
-
-        arch = 2 * (at.x * (1 - at.x) + at.y * (1 - at.y))  # 1 in the centre, 0 at the corners
-        smooth = _between(parts.corners, at) + arch * (colour_a - of_corners)
-        expected = dr.select(is_edge, parts.expected(is_a, colour_a, colour_b, at), smooth)
-        distance = norm(colour - expected)
-        beyond = parts.beyond(_bulge(outward, low, high), at)
-        other_side = (is_a == (beyond > 0)) & (of_bulge * dr.abs(beyond) > 2 * limit)
-        # What is off in a part counts by its share of the cell; in the larger half it may be anything.
-        share = dr.select(is_edge, 2 * dr.select(is_a, parts.area_a, 1 - parts.area_a), 1)
-        unlike = (area * SURPRISE * dr.minimum(share, 1) * distance > limit) | (is_edge & (~known | other_side))
-        another = several | ((path != parts.path_a) & (path != parts.path_b))
-        failed |= (checking | (central & another)) & unlike
-        surprise = dr.select(failed, dr.select(checking, number, 0) + 1, surprise)
-        off = dr.maximum(off, dr.select(failed, distance, 0))
-
-        colour_a = dr.select((phase == _AT_A) | central, colour, colour_a)
-        colour_b = dr.select(phase == _AT_B, colour, colour_b)
-        after_check = dr.select(checking & (k >= checks), mi.UInt32(_OVER), checked)
-        after = dr.select(searching, after_search, dr.select(phase == _AT_A, after_a, after_check))
-        phase = dr.select(failed, mi.UInt32(_OVER), dr.select(searching & ~found, phase, after))
-        return phase, k, outward, low, high, colour_a, colour_b, failed, off, surprise
 
     number, zero = mi.UInt32(0), mi.Float(0)
     # A smooth cell may have been looked at before: Simpson's rule tells what the centre was, if it was asked at all.
     colour_a = dr.select(is_edge, parts.mean_a, 1.5 * before.value - 0.5 * of_corners)
-    state = start, number, zero, zero, mi.Float(2), colour_a, parts.mean_b, failed, zero, number
-    looked: Any = dr.while_loop(state, lambda phase, *_: phase != _OVER, step, label="edges")
-    _, _, outward, low, high, colour_a, colour_b, failed, off, surprise = looked
-
-    area_a = parts.area_a + (2 / 3) * _bulge(outward, low, high) * parts.length  # Archimedes: a parabola over its chord
-    area_a = dr.clip(area_a, 0, 1)
-    of_edge = colour_a * area_a + colour_b * (1 - area_a)
-    change = norm(colour_a - parts.mean_a) * area_a + norm(colour_b - parts.mean_b) * (1 - area_a)
-    edge_error = dr.maximum(area * change * OF_CHANGE, OF_EDGE * dr.minimum(limit, weight))
-    failed |= is_edge & (edge_error > limit)  # then an average has to find all of it anew
-    of_smooth = (of_corners + 2 * colour_a) * (1 / 3)  # exact for polynomials up to the third degree
-    smooth_error = dr.select(bent, area * norm(colour_a - of_corners) * SIMPSON, before.error)
-    value, error = dr.select(is_edge, of_edge, of_smooth), dr.select(is_edge, edge_error, smooth_error)
-    off = dr.maximum(off, dr.select(two, contrast, 0))
+    state = _Seen(
+        dr.select(failed, mi.UInt32(_OVER), phases.first),
+        *(number, zero, zero, mi.Float(2), colour_a, parts.mean_b, failed, zero, number),
+    )
+    looked: Any = dr.while_loop(
+        tuple(state),
+        lambda phase, *_: phase != _OVER,
+        lambda *seen: tuple(_look_once(look, task, phases, _Seen(*seen))),
+        label="edges",
+    )
+    seen = _Seen(*looked)
+    value, error, failed = _concluded(task, seen)
+    off = dr.maximum(seen.off, dr.select(two, contrast, 0))
     error = dr.select(failed, dr.maximum(dr.maximum(before.error, OF_RANGE * area * off), 1.001 * limit), error)
     # Here, since each scatter may start a kernel of its own; and nothing may wait for what is written over, or it would
     # be copied.
+    surprise = seen.surprise
     dr.eval(value, error, surprise, *before)
     dr.scatter(estimate.value, value, close, (error <= limit) & (is_edge | bent))
     dr.scatter(estimate.error, error, close)
@@ -164,9 +171,78 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     dr.eval(*estimate)
 
 
-def _bulge(outward: Any, low: Any, high: Any) -> Any:
-    """Height of the bulge as far as it is known: the middle of what it may be, or the least if nothing bounds it."""
-    return outward * 0.5 * (low + dr.select(high > 1, low, high))
+def _look_once(look: Look, task: _Task, phases: _Phases, seen: _Seen) -> _Seen:
+    """Take the sample that the phase asks for, and say what it shows."""
+    here, parts, limit, fine = task.here, task.parts, task.limit, task.fine
+    searching, checking, central = seen.phase == _SEARCH, seen.phase == _CHECK, seen.phase == _CENTRE
+    first = seen.outward == 0
+    k = dr.select(checking, seen.k + 1, seen.k)
+    middle = dr.select(seen.high > 1, dr.maximum(fine, 4 * seen.low), 0.5 * (seen.low + seen.high))
+    bulge = dr.select(first, 0, middle)
+    to_check, number = of_check(here, k, task.follow)
+    at = dr.select(seen.phase == _AT_A, parts.centroid_a, parts.centroid_b)
+    at = dr.select(central, mi.Point2f(0.5), dr.select(checking, to_check, at))
+    at = dr.select(searching, parts.middle + seen.outward * bulge * parts.away, at)
+    active = seen.phase != _OVER
+    colour, path = look(dr.fma(at.x, here.step, here.x), dr.fma(at.y, here.step, here.y), active)
+    ends = (parts.mean_a, parts.mean_b), (parts.path_a, parts.path_b)
+    is_a, known = belongs(colour, path, *ends, task.contrast, limit / task.area)
+
+    further = is_a == (seen.outward > 0)  # the edge is further out than this
+    low = dr.select(searching & ~first & further, bulge, seen.low)
+    high = dr.select(searching & ~first & ~further, bulge, seen.high)
+    outward = dr.select(searching & first, dr.select(is_a, mi.Float(1), -1), seen.outward)
+    found = ~first & (high - low <= 1.001 * fine)
+    failed = seen.failed | (searching & ((~known & (high - low > 2 * fine)) | (low > LARGEST_BULGE)))
+    failed |= (seen.phase == _AT_A) & ~(known & is_a)
+    failed |= (seen.phase == _AT_B) & ~(known & ~is_a)
+
+    seen = seen._replace(k=k, outward=outward, low=low, high=high)
+    unlike, distance = _unlike(task, seen, at, colour, is_a, known)
+    another = (task.before.kind == Kind.CLUTTER.value) | ((path != parts.path_a) & (path != parts.path_b))
+    failed |= (checking | (central & another)) & unlike
+    after_check = dr.select(checking & (k >= task.checks), mi.UInt32(_OVER), phases.after_centroids)
+    after = dr.select(seen.phase == _AT_A, phases.after_a, after_check)
+    after = dr.select(searching, dr.select(found, phases.after_search, seen.phase), after)
+    return seen._replace(
+        phase=dr.select(failed, mi.UInt32(_OVER), after),
+        colour_a=dr.select((seen.phase == _AT_A) | central, colour, seen.colour_a),
+        colour_b=dr.select(seen.phase == _AT_B, colour, seen.colour_b),
+        failed=failed,
+        off=dr.maximum(seen.off, dr.select(failed, distance, 0)),
+        surprise=dr.select(failed, dr.select(checking, number, 0) + 1, seen.surprise),
+    )
+
+
+def _unlike(task: _Task, seen: _Seen, at: Any, colour: Any, is_a: Any, known: Any) -> tuple[Any, Any]:
+    """Tell whether a sample is not what was expected, by more than may be left; and how far off its colour is."""
+    parts, limit = task.parts, task.limit
+    arch = 2 * (at.x * (1 - at.x) + at.y * (1 - at.y))  # 1 in the centre, 0 at the corners
+    smooth = _between(parts.corners, at) + arch * (seen.colour_a - task.of_corners)
+    expected = dr.select(task.is_edge, parts.expected(is_a, seen.colour_a, seen.colour_b, at), smooth)
+    distance = norm(colour - expected)
+    beyond = parts.beyond(seen.bulge(), at)
+    other_side = (is_a == (beyond > 0)) & (task.of_bulge * dr.abs(beyond) > 2 * limit)
+    # What is off in a part counts by its share of the cell; in the larger half it may be anything.
+    share = dr.select(task.is_edge, 2 * dr.select(is_a, parts.area_a, 1 - parts.area_a), 1)
+    too_far = task.area * SURPRISE * dr.minimum(share, 1) * distance > limit
+    return too_far | (task.is_edge & (~known | other_side)), distance
+
+
+def _concluded(task: _Task, seen: _Seen) -> tuple[Any, Any, Any]:
+    """Tell the colours of the cells, how far off they are, and where something did not fit."""
+    parts, area, limit = task.parts, task.area, task.limit
+    area_a = parts.area_a + (2 / 3) * seen.bulge() * parts.length  # Archimedes: a parabola over its chord
+    area_a = dr.clip(area_a, 0, 1)
+    of_edge = seen.colour_a * area_a + seen.colour_b * (1 - area_a)
+    change = norm(seen.colour_a - parts.mean_a) * area_a + norm(seen.colour_b - parts.mean_b) * (1 - area_a)
+    edge_error = dr.maximum(area * change * OF_CHANGE, OF_EDGE * dr.minimum(limit, area * task.contrast))
+    failed = seen.failed | (task.is_edge & (edge_error > limit))  # then an average has to find all of it anew
+    of_smooth = (task.of_corners + 2 * seen.colour_a) * (1 / 3)  # exact for polynomials up to the third degree
+    bend = area * norm(seen.colour_a - task.of_corners) * SIMPSON
+    smooth_error = dr.select(task.bent, bend, task.before.error)
+    value = dr.select(task.is_edge, of_edge, of_smooth)
+    return value, dr.select(task.is_edge, edge_error, smooth_error), failed
 
 
 def _between(corners: list[Any], at: Any) -> Any:

@@ -19,7 +19,7 @@ from whitted_validation.benchmark import povray, scenes
 from whitted_validation.benchmark.error import GRID, TARGET, Curves, Kept, Results
 from whitted_validation.benchmark.error_curves import Point, at_error, cheapest, cpu, rays, slope
 from whitted_validation.benchmark.error_schedule import FULL
-from whitted_validation.benchmark.error_targets import LEAST_SCENES, outcomes
+from whitted_validation.benchmark.error_targets import LEAST_SCENES, costs, outcomes
 from whitted_validation.benchmark.speed_pairs import Comparison, Interval
 from whitted_validation.benchmark.speed_worker import Sample
 
@@ -115,6 +115,31 @@ def test_beside_a_time_stands_that_of_tracing_the_same_samples_alone() -> None:
     (slower,) = [text for target, text in found.items() if "never slower" in target and "CPU" in target]
     assert slower.endswith("alone in 7")
     assert not any("alone" in text for target, text in found.items() if "the rays" in target)
+
+
+def test_of_several_scenes_the_median_counts() -> None:
+    """One that is dear between two that are cheap is outvoted, two are not; pictures are counted one by one."""
+    words = "mesh: RMSE 0.0005 with"
+    dear, cheap = (measured(factor=factor).scenes["c"] for factor in (100, 0.01))
+    for others, verdict in (([dear, cheap], "met"), ([dear, dear], "not met")):
+        results = measured(factor=0.01)
+        results.redrawn = [("c", each) for each in others]
+        assert of(verdicts(results), words) == verdict
+        (text,) = [outcome.measured for outcome in outcomes(results) if words in outcome.target]
+        least, most = (costs([each], TARGET, rays, 5e-4)[0] for each in (cheap, dear))
+        assert f"({least:.3g} to {most:.3g})" in text
+    results = measured()
+    results.redrawn = [("b", measured(factor=1e6).scenes["b"])]
+    (slower,) = [each.measured for each in outcomes(results) if "never slower than the grid" in each.target][:1]
+    assert slower.startswith("7 of 14 pictures slower")
+    results.redrawn = [("b", measured(worst=2.1).scenes["b"])]
+    assert of(verdicts(results), "worst pixel") == "not met"
+
+
+def test_small_pictures_of_other_scenes_meet_nothing_either() -> None:
+    results = measured()
+    results.redrawn = [("a", measured(size=FULL.size // 2).scenes["a"])]
+    assert set(verdicts(results).values()) == {"not measured"}
 
 
 def test_a_worse_pixel_than_twice_the_grids_is_told() -> None:
@@ -237,6 +262,8 @@ def test_the_quick_benchmark_writes_data_and_a_page(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
     facts = json.loads((tmp_path / "report" / "results.json").read_text())
     assert facts["complete"] is True
+    assert [each["kind"] for each in facts["redrawn"]] == ["a"]
+    assert facts["redrawn"][0]["seed"] == facts["scenes"]["a"]["seed"] + 1
     points = facts["scenes"]["a"]["points"]
     ways = {"grid", "target error"}
     if povray.version() is None:

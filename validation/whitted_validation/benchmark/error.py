@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -27,7 +28,7 @@ here: nobody could know them before.
 """
 
 SEED = int(FROZEN[:8], 16)
-"""Of the scenes a, b and c."""
+"""Of the first scenes a, b and c; the others follow."""
 
 FIRST_RANDOM = int(FROZEN[8:16], 16)
 """Of the first random scene; the others follow."""
@@ -90,6 +91,7 @@ class Results:
     Attributes
     ----------
     scenes : by letter
+    redrawn : letters, and more scenes of these kinds, from the seeds that follow; no POV-Ray
     peers : scene a with one light and without mirrors, where `path` and `direct` converge to the same picture
     epsilon : RMSE of one sample a pixel with the textbook's constant, against one without
     shadows : points that it puts in the wrong light
@@ -101,6 +103,7 @@ class Results:
     """
 
     scenes: dict[str, Curves] = field(default_factory=dict)
+    redrawn: list[tuple[str, Curves]] = field(default_factory=list)
     peers: Curves | None = None
     epsilon: list[Point] = field(default_factory=list)
     shadows: list[Wrong] = field(default_factory=list)
@@ -110,6 +113,11 @@ class Results:
     povray: str | None = None
     seconds: float = 0.0
     complete: bool = False
+
+    def of(self, kind: str) -> list[Curves]:
+        """Return all scenes of a kind."""
+        drawn = [*self.scenes.items(), *self.redrawn]
+        return [curves for letter, curves in drawn if letter == kind]
 
 
 def run(schedule: Schedule, folder: Path, results: Results, told: Callable[[str], None]) -> Iterator[None]:
@@ -139,6 +147,13 @@ def _steps(schedule: Schedule, folder: Path, results: Results, told: Callable[[s
             yield
         if curves.note:
             results.notes.append(f"scene {kind}: {curves.note}")
+    for number, kind in itertools.product(range(1, schedule.draws), schedule.kinds):
+        curves = Curves(scenes.KINDS[kind].title, SEED + number, schedule.size)
+        results.redrawn.append((kind, curves))
+        name = f"{kind}, seed {curves.seed}"
+        for _ in _curves(name, scenes.write(kind, folder, curves.seed), curves, schedule, told):
+            _keep(results, name, curves)
+            yield
     results.peers = Curves("six balls on a floor, no mirror, one light", SEED, schedule.peers_size)
     yield from _peers(results.peers, schedule, folder, told)
     told("the textbook's epsilon")
@@ -204,13 +219,13 @@ def _converged(drawing: Drawing, schedule: Schedule) -> tuple[Image, float]:
     return truth, compare(drawing.converged(schedule.converged // 2), truth).rmse
 
 
-def _keep(results: Results, kind: str, curves: Curves) -> None:
+def _keep(results: Results, name: str, curves: Curves) -> None:
     """Enter what is new of the target errors that are promised."""
     known = {(kept.scene, kept.target) for kept in results.kept}
     for point in curves.of(TARGET):
-        if point.knob in PROMISED and (kind, point.knob) not in known:
+        if point.knob in PROMISED and (name, point.knob) not in known:
             assert point.rays is not None
-            results.kept.append(Kept(kind, point.knob, point.rmse, point.rays, curves.unsure))
+            results.kept.append(Kept(name, point.knob, point.rmse, point.rays, curves.unsure))
 
 
 def _peers(curves: Curves, schedule: Schedule, folder: Path, told: Callable[[str], None]) -> Iterator[None]:

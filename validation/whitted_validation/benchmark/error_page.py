@@ -15,6 +15,7 @@ results.json, besides what every command writes
             (over those of one sample a pixel), missed (hidden and off by more than 1e-2), cost (time over that of one
             sample a pixel, as `comparison` in results.json of `whitted benchmark speed`), bare (the same of tracing
             the same samples in one launch and nothing else; null but for target errors)
+    redrawn    the same of more scenes of these kinds, with their kind; no POV-Ray
     peers      the same of the scene that `path` and `direct` draw alike
     epsilon    points of the textbook's constant; knob is the constant, in world units
     shadows    share of points in the wrong light: case, by_epsilon (pairs), ours (without a constant)
@@ -26,18 +27,18 @@ results.json, besides what every command writes
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from whitted_validation import report
 from whitted_validation.benchmark.error import FROZEN, GRID, TARGET, Curves, Results
-from whitted_validation.benchmark.error_curves import Of, Point, bare_cpu, cheapest, cpu, rays, slope, wall
+from whitted_validation.benchmark.error_curves import Of, Point, at_error, bare_cpu, cheapest, cpu, rays, slope, wall
 from whitted_validation.benchmark.error_drawing import PEERS
 from whitted_validation.benchmark.error_epsilon import Wrong
 from whitted_validation.benchmark.error_povray import METHODS
 from whitted_validation.benchmark.error_schedule import Schedule
-from whitted_validation.benchmark.error_targets import NAMES, can_judge, extra, outcomes, trusted
+from whitted_validation.benchmark.error_targets import MOST_RAYS, NAMES, can_judge, extra, outcomes, trusted
 from whitted_validation.benchmark.speed_page import plain, targets_table
 from whitted_validation.report import Chart, Group, Section, Sentence, Table
 from whitted_validation.report.sections import Cell, Tone, short
@@ -58,6 +59,7 @@ def write(folder: Path, results: Results, schedule: Schedule, quick: bool) -> No
         ],
         "povray": results.povray,
         "scenes": {kind: _curves_facts(curves) for kind, curves in results.scenes.items()},
+        "redrawn": [{"kind": kind} | _curves_facts(curves) for kind, curves in results.redrawn],
         "peers": _curves_facts(results.peers) if results.peers else None,
         "epsilon": [plain(point) for point in results.epsilon],
         "shadows": [plain(each) for each in results.shadows],
@@ -104,7 +106,7 @@ def summary(results: Results) -> str:
 def lines(results: Results) -> Iterator[str]:
     """Return the lines of the tables on the terminal; more are added at the end as results come in."""
     for name, curves in _all(results):
-        yield f"scene {name}, {curves.title}: rays and times over those of one sample a pixel"
+        yield f"scene {name}, {curves.title}, seed {curves.seed}: rays and times over those of one sample a pixel"
         for p in curves.points:
             traced = "" if p.rays is None else short(p.rays)
             hidden = "" if p.missed is None else f"  missed {p.missed}"
@@ -118,7 +120,7 @@ def lines(results: Results) -> Iterator[str]:
         shares = ", ".join(f"{epsilon:g}: {percent(share)}" for epsilon, share in wrong.by_epsilon)
         yield f"points in the wrong light, {wrong.case}, by epsilon: {shares}; without: {percent(wrong.ours)}"
     for kept in results.kept:
-        if kept.scene not in results.scenes:
+        if kept.scene.startswith("random"):
             parts = f"RMSE {kept.rmse / kept.target:.2f} E, {kept.rays:.3g} times the rays of one sample a pixel"
             yield f"{kept.scene}, E = {kept.target:g}: {parts}; converged within {kept.unsure:.1e}"
     if results.exact:
@@ -126,8 +128,16 @@ def lines(results: Results) -> Iterator[str]:
 
 
 def _all(results: Results) -> Iterator[tuple[str, Curves]]:
-    for kind, curves in results.scenes.items():
-        yield f"{kind} ({NAMES[kind]})", curves
+    """Return all scenes, in the order in which they are drawn."""
+    yield from _named([*results.scenes.items(), *results.redrawn])
+    yield from _peers(results)
+
+
+def _named(drawn: Iterable[tuple[str, Curves]]) -> Iterator[tuple[str, Curves]]:
+    return ((f"{kind} ({NAMES[kind]})", curves) for kind, curves in drawn)
+
+
+def _peers(results: Results) -> Iterator[tuple[str, Curves]]:
     if results.peers:
         yield "with one light", results.peers
 
@@ -149,13 +159,15 @@ def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]
             f"{schedule.pairs} of them; CPU time is that of all threads. {_by_povray(results)}"
             "Beside a time stands its floor: that of tracing the same samples alone, as if all were known beforehand, "
             "all at once and neighbours together. "
-            "The seeds of the scenes come from the number of the commit "
+            "Of several scenes of a kind the median counts. The seeds of the scenes come from the number of the commit "
             f"after which no constant of the refinement was changed, `{FROZEN}`."
         ),
         targets_table(held, quick),
     ]
-    for name, curves in _all(results):
+    for name, curves in [*_named(results.scenes.items()), *_peers(results)]:
         parts.append(_scene(name, curves, schedule))
+    if results.redrawn:
+        parts.append(_redrawn(results))
     if results.kept:
         parts.append(_kept(results))
     if results.epsilon:
@@ -206,6 +218,20 @@ def _scene(name: str, curves: Curves, schedule: Schedule) -> Group:
     ]
     parts.append(Table(["way", *AXES], table, "Slopes: RMSE falls with this power of the cost"))
     return Group(f"Scene {name}: {curves.title}", parts, note)
+
+
+def _redrawn(results: Results) -> Group:
+    """Compare scenes of the same kind at the errors that are asked for."""
+    at = [(kind, rmse) for kind, rmse, _ in MOST_RAYS]
+    columns = ["scene", "seed", "RMSE", "rays", "CPU time", "wall time", "grid: rays", "CPU time", "wall time"]
+    rows: list[list[str | float | Cell]] = []
+    for kind, rmse in sorted(at, key=lambda each: (each[0], -each[1])):
+        for curves in results.of(kind):
+            found = [at_error(curves.of(way), of, rmse) for way in (TARGET, GRID) for of in (rays, cpu, wall)]
+            cells = ["" if math.isnan(x) else x for x in found]
+            rows.append([f"{kind} ({NAMES[kind]})", str(curves.seed), f"{rmse:g}", *cells])
+    note = "Rays and times over those of one sample a pixel, interpolated between the pictures of each curve."
+    return Group("Other scenes of the same kinds", [Table(columns, rows)], note)
 
 
 def _row(p: Point, on_front: bool) -> list[str | float | Cell]:

@@ -14,6 +14,7 @@ class Schedule:
     Attributes
     ----------
     kinds : letters of the scenes
+    draws : how many scenes of each kind; all but the first are drawn by our own two ways only
     size : of their pictures, in pixels
     grids : samples along the side of a pixel
     targets : target errors
@@ -28,6 +29,7 @@ class Schedule:
     """
 
     kinds: str
+    draws: int
     size: int
     grids: tuple[int, ...]
     targets: tuple[float, ...]
@@ -48,11 +50,13 @@ class Schedule:
         """Count the steps of `run`."""
         curve = len(self.grids) + len(self.targets)
         peers = curve + 1 + len(self.samplers) * len(PEERS) * len(self.spp)
-        return len(self.kinds) * (curve + 2 + len(self.povray)) + peers + 1 + self.random + 1
+        first = len(self.kinds) * (curve + 2 + len(self.povray))
+        return first + len(self.kinds) * (self.draws - 1) * (curve + 1) + peers + 1 + self.random + 1
 
 
 FULL = Schedule(
     kinds="abc",
+    draws=3,
     size=512,
     grids=(1, 2, 3, 4, 6, 8, 12, 16),
     targets=(3e-2, 1e-2, 5e-3, 3e-3, 2e-3, 1e-3, 5e-4, 3e-4, 2e-4, 1e-4),
@@ -76,6 +80,7 @@ FULL = Schedule(
 
 QUICK = Schedule(
     kinds="a",
+    draws=2,
     size=64,
     grids=(1, 2, 4),
     targets=(1e-2, 3e-3, 1e-3),

@@ -1,8 +1,13 @@
-"""What refinement is to reach, and whether what was measured shows it."""
+"""What refinement is to reach, and whether what was measured shows it.
+
+Where several scenes of a kind were drawn, the median of rays and times counts: one scene takes a third more than
+another.
+"""
 
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Iterator, Sequence
 
 from whitted_validation.benchmark.error import GRID, TARGET, Curves, Kept, Results
@@ -75,42 +80,56 @@ def extra(point: Point) -> float:
 
 def outcomes(results: Results) -> Iterator[Outcome]:
     """Hold the results against all targets."""
-    found = results.scenes if all(c.size == FULL.size for c in results.scenes.values()) else {}
+    found = {kind: results.of(kind) for kind in NAMES}
+    if any(each.size != FULL.size for drawn in found.values() for each in drawn):
+        found = {kind: [] for kind in NAMES}
     for kind, rmse, most in MOST_RAYS:
         target = f"{NAMES[kind]}: RMSE {rmse:g} with at most {most:g} times the rays of one sample a pixel"
-        yield _at_most(target, found.get(kind), rays, rmse, most)
+        yield _at_most(target, found[kind], rays, rmse, most)
     for kind, rmse, most in MOST_TIME:
         for of, clock in ((cpu, "CPU"), (wall, "wall")):
             target = f"{NAMES[kind]}: RMSE {rmse:g} in at most {most:g} times the {clock} time of one sample a pixel"
-            yield _at_most(target, found.get(kind), of, rmse, most)
-    yield from _clutter(found.get("b"))
+            yield _at_most(target, found[kind], of, rmse, most)
+    yield from _clutter(found["b"])
     for kind, least in LEAST_POVRAY:
-        yield _povray(
-            found.get(kind), f"{NAMES[kind]}: POV-Ray's best mode takes at least {least:g} times the wall time", least
-        )
+        target = f"{NAMES[kind]}: POV-Ray's best mode takes at least {least:g} times the wall time"
+        yield _povray(found[kind][0] if found[kind] else None, target, least)
     yield from _promise(results.kept)
     yield _worst(found)
+    yield _slope(found["a"])
+
+
+def _slope(balls: list[Curves]) -> Outcome:
     target = f"balls: RMSE falls with extra rays more steeply than with power {STEEPEST_GRID:g}"
-    if "a" not in found:
-        yield Outcome(target, "", None)
-    else:
-        ours, grid = (slope(trusted(found["a"], way), extra) for way in (TARGET, GRID))
-        met = None if math.isnan(ours) else ours < STEEPEST_GRID
-        yield Outcome(target, "" if met is None else f"{ours:.2f}; grid {grid:.2f}", met)
-
-
-def _at_most(target: str, curves: Curves | None, of: Of, rmse: float, most: float) -> Outcome:
-    cost = math.nan if curves is None else at_error(curves.of(TARGET), of, rmse)
-    if curves is None or math.isnan(cost):
+    slopes = [[slope(trusted(curves, way), extra) for curves in balls] for way in (TARGET, GRID)]
+    known = [[each for each in of_way if not math.isnan(each)] for of_way in slopes]
+    if not all(known):
         return Outcome(target, "", None)
-    beside = {"grid": at_error(curves.of(GRID), of, rmse), BARE: _floor(curves, of, rmse)}
-    text = "".join(f"; {what} {value:.3g}" for what, value in beside.items() if not math.isnan(value))
-    return Outcome(target, f"{cost:.3g}{text}", cost <= most)
+    grid = statistics.median(known[1])
+    return Outcome(target, f"{_spread(known[0], '.2f')}; grid {grid:.2f}", statistics.median(known[0]) < STEEPEST_GRID)
 
 
-def _floor(curves: Curves, of: Of, rmse: float) -> float:
-    """Interpolate the time of merely tracing our samples; NaN where it was not taken, and for all but times."""
-    return at_error(curves.of(TARGET), FLOOR[of], rmse) if of in FLOOR else math.nan
+def _spread(found: Sequence[float], how: str = ".3g") -> str:
+    """Write the median, and from where to where the numbers go if there are several."""
+    around = f" ({min(found):{how}} to {max(found):{how}})" if len(found) > 1 else ""
+    return f"{statistics.median(found):{how}}{around}"
+
+
+def costs(drawn: Sequence[Curves], way: str, of: Of, rmse: float) -> list[float]:
+    """Interpolate a cost at this error, in each of the scenes whose curve comes to it."""
+    found = [at_error(curves.of(way), of, rmse) for curves in drawn]
+    return [each for each in found if not math.isnan(each)]
+
+
+def _at_most(target: str, drawn: Sequence[Curves], of: Of, rmse: float, most: float) -> Outcome:
+    found = costs(drawn, TARGET, of, rmse)
+    if not found:
+        return Outcome(target, "", None)
+    beside = {"grid": costs(drawn, GRID, of, rmse)}
+    if of in FLOOR:
+        beside[BARE] = costs(drawn, TARGET, FLOOR[of], rmse)
+    text = "".join(f"; {what} {statistics.median(each):.3g}" for what, each in beside.items() if each)
+    return Outcome(target, f"{_spread(found)}{text}", statistics.median(found) <= most)
 
 
 def gains(curves: Curves, of: Of, others: Sequence[Point], ours: Of | None = None) -> list[tuple[float, float]]:
@@ -138,21 +157,27 @@ def _povray(curves: Curves | None, target: str, least: float) -> Outcome:
     return Outcome(f"{target} at equal RMSE", text, all(g >= least for _, g in ratios) if ratios else None)
 
 
-def _clutter(curves: Curves | None) -> Iterator[Outcome]:
+def _clutter(drawn: Sequence[Curves]) -> Iterator[Outcome]:
     for of, clock in ((cpu, "CPU"), (wall, "wall")):
         target = f"clutter: RMSE {CLUTTER:g} in at most 1/{LEAST_GAIN:g} of the grid's {clock} time"
-        ours, grid = (math.nan if curves is None else at_error(curves.of(w), of, CLUTTER) for w in (TARGET, GRID))
-        known = not math.isnan(ours) and not math.isnan(grid)
-        floor = math.nan if curves is None else _floor(curves, of, CLUTTER)
-        text = f"1/{grid / ours:.3g}" + ("" if math.isnan(floor) else f"; {BARE} 1/{grid / floor:.3g}")
-        yield Outcome(target, text if known else "", grid >= LEAST_GAIN * ours if known else None)
+        found = [
+            [at_error(curves.of(way), cost, CLUTTER) for way, cost in ((GRID, of), (TARGET, of), (TARGET, FLOOR[of]))]
+            for curves in drawn
+        ]
+        ratios = [grid / ours for grid, ours, _ in found if not math.isnan(grid / ours)]
+        floors = [grid / floor for grid, _, floor in found if not math.isnan(grid / floor)]
+        if ratios:
+            text = f"1/{_spread(ratios)}" + (f"; {BARE} 1/{statistics.median(floors):.3g}" if floors else "")
+            yield Outcome(target, text, statistics.median(ratios) >= LEAST_GAIN)
+        else:
+            yield Outcome(target, "", None)
         target = f"clutter: never slower than the grid of equal RMSE, {clock} time"
-        ratios = [] if curves is None else gains(curves, of, curves.of(GRID))
-        slower = [f"at {rmse:.2g} {1 / gain:.3g} times its time" for rmse, gain in ratios if gain < 1]
-        text = f"{len(slower)} of {len(ratios)} pictures slower" + "".join(f"; {each}" for each in slower)
-        floors = [] if curves is None else gains(curves, of, curves.of(GRID), FLOOR[of])
-        text += f"; {BARE} in {sum(gain < 1 for _, gain in floors)}" if floors else ""
-        yield Outcome(target, text if ratios else "", not slower if ratios else None)
+        pairs = [pair for curves in drawn for pair in gains(curves, of, curves.of(GRID))]
+        slower = [f"at {rmse:.2g} {1 / gain:.3g} times its time" for rmse, gain in pairs if gain < 1]
+        text = f"{len(slower)} of {len(pairs)} pictures slower" + "".join(f"; {each}" for each in slower)
+        alone = [gain for curves in drawn for _, gain in gains(curves, of, curves.of(GRID), FLOOR[of])]
+        text += f"; {BARE} in {sum(gain < 1 for gain in alone)}" if alone else ""
+        yield Outcome(target, text if pairs else "", not slower if pairs else None)
 
 
 def can_judge(kept: Kept) -> bool:
@@ -180,12 +205,13 @@ def _promise(kept: Sequence[Kept]) -> Iterator[Outcome]:
     yield Outcome(target, f"{len(waste)} of {len(kept)} wasteful" if kept else "", not waste if enough else None)
 
 
-def _worst(found: dict[str, Curves]) -> Outcome:
+def _worst(found: dict[str, list[Curves]]) -> Outcome:
     """Compare the worst pixel of each picture with that of the grid at equal RMSE."""
     target = f"worst pixel at most {MOST_WORST:g} times that of the grid of equal RMSE"
     ratios = [
         (1 / gain, kind, rmse)
-        for kind, curves in found.items()
+        for kind, drawn in found.items()
+        for curves in drawn
         for rmse, gain in gains(curves, largest, curves.of(GRID))
     ]
     if not ratios:
