@@ -57,8 +57,8 @@ class Accel:
             self._soup = index_column(np.concatenate([_numbered(who, faces) for who, _, faces in triangles]))
         spheres = [shape.class_name() == "Sphere" for shape in contents]
         self._round = bool(ellipsoids) or any(spheres)
-        # Embree follows rays that it is told are alike as one beam. Among meshes that takes half to three quarters of
-        # the time, among spheres alone 1.04 to 1.1 times (`whitted benchmark speed`, the row `coherence`).
+        # Embree follows rays that it is told are alike as one beam. Among triangles that takes half the time, among
+        # spheres alone a tenth more (`whitted benchmark speed`, the row `coherence`).
         self._coherent = bool(ellipsoids) or not all(spheres)
         contents += [it for *_, it in ellipsoids]
         self._placed = index_column([*placed, *(who for who, *_ in ellipsoids)] or [[0, 0]])
