@@ -59,6 +59,8 @@ class _Task(NamedTuple):
     """Share of a pixel."""
     contrast: Any
     """Of the two parts."""
+    weight: Any
+    """Contrast times area."""
     is_edge: Any
     """Whether it is the edge between two parts that makes the error."""
     bent: Any
@@ -68,13 +70,16 @@ class _Task(NamedTuple):
     fine: Any
     """How well the height of the bulge must be known, in sides."""
     checks: Any
+    """How many; those about the place of a neighbour's surprise too."""
     follow: Any
+    """One more than the number of that place, or 0."""
     limit: Any
+    """Of the error."""
 
     def phases(self) -> _Phases:
         """Tell what is to be done: no part is looked at whose colour could not matter."""
-        asked = CENTROID * self.area * self.contrast
-        ask_a, ask_b = (asked * part > self.limit for part in (self.parts.area_a, 1 - self.parts.area_a))
+        parts = self.parts.area_a, 1 - self.parts.area_a
+        ask_a, ask_b = (CENTROID * self.weight * part > self.limit for part in parts)
         after_centroids = dr.select(self.checks > 0, mi.UInt32(_CHECK), _OVER)
         after_a = dr.select(ask_b, mi.UInt32(_AT_B), after_centroids)
         after_search = dr.select(ask_a, mi.UInt32(_AT_A), after_a)
@@ -140,16 +145,25 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     of_bulge = BULGE * weight * parts.length
     fine = dr.maximum(limit / of_bulge, FINEST)
     of_corners = sum(parts.corners) * 0.25
-    task = _Task(here, before, parts, of_corners, area, contrast, is_edge, bent, of_bulge, fine, checks, follow, limit)
+    task = _Task(
+        here, before, parts, of_corners, area, contrast, weight, is_edge, bent, of_bulge, fine, checks, follow, limit
+    )
     phases = task.phases()
     failed = two & dr.select(is_edge, parts.unclear, before.error > limit)
 
-    number, zero = mi.UInt32(0), mi.Float(0)
     # A smooth cell may have been looked at before: Simpson's rule tells what the centre was, if it was asked at all.
     colour_a = dr.select(is_edge, parts.mean_a, 1.5 * before.value - 0.5 * of_corners)
     state = _Seen(
-        dr.select(failed, mi.UInt32(_OVER), phases.first),
-        *(number, zero, zero, mi.Float(2), colour_a, parts.mean_b, failed, zero, number),
+        phase=dr.select(failed, mi.UInt32(_OVER), phases.first),
+        k=mi.UInt32(0),
+        outward=mi.Float(0),
+        low=mi.Float(0),
+        high=mi.Float(2),
+        colour_a=colour_a,
+        colour_b=parts.mean_b,
+        failed=failed,
+        off=mi.Float(0),
+        surprise=mi.UInt32(0),
     )
     looked: Any = dr.while_loop(
         tuple(state),
@@ -177,8 +191,8 @@ def _look_once(look: Look, task: _Task, phases: _Phases, seen: _Seen) -> _Seen:
     searching, checking, central = seen.phase == _SEARCH, seen.phase == _CHECK, seen.phase == _CENTRE
     first = seen.outward == 0
     k = dr.select(checking, seen.k + 1, seen.k)
-    middle = dr.select(seen.high > 1, dr.maximum(fine, 4 * seen.low), 0.5 * (seen.low + seen.high))
-    bulge = dr.select(first, 0, middle)
+    further_out = dr.select(seen.high > 1, dr.maximum(fine, 4 * seen.low), 0.5 * (seen.low + seen.high))
+    bulge = dr.select(first, 0, further_out)
     to_check, number = of_check(here, k, task.follow)
     at = dr.select(seen.phase == _AT_A, parts.centroid_a, parts.centroid_b)
     at = dr.select(central, mi.Point2f(0.5), dr.select(checking, to_check, at))
@@ -236,7 +250,7 @@ def _concluded(task: _Task, seen: _Seen) -> tuple[Any, Any, Any]:
     area_a = dr.clip(area_a, 0, 1)
     of_edge = seen.colour_a * area_a + seen.colour_b * (1 - area_a)
     change = norm(seen.colour_a - parts.mean_a) * area_a + norm(seen.colour_b - parts.mean_b) * (1 - area_a)
-    edge_error = dr.maximum(area * change * OF_CHANGE, OF_EDGE * dr.minimum(limit, area * task.contrast))
+    edge_error = dr.maximum(area * change * OF_CHANGE, OF_EDGE * dr.minimum(limit, task.weight))
     failed = seen.failed | (task.is_edge & (edge_error > limit))  # then an average has to find all of it anew
     of_smooth = (task.of_corners + 2 * seen.colour_a) * (1 / 3)  # exact for polynomials up to the third degree
     bend = area * norm(seen.colour_a - task.of_corners) * SIMPSON

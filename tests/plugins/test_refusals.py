@@ -276,6 +276,7 @@ PERSPECTIVE = '<sensor type="perspective" id="camera">{film}</sensor>'
         ('<integer name="max_dept" value="3"/>', "max_dept"),
         ('<boolean name="enable_shadow" value="true"/>', "enable_shadow"),
         ('<float name="max_depth" value="2.5"/>', "max_depth"),
+        ('<integer name="max_depth" value="-2"/>', "integrator `"),
     ],
 )
 def test_parameters_out_of_range_are_refused_when_the_scene_is_loaded(any_rgb, scene_of, parameter, says):
@@ -290,6 +291,7 @@ def test_parameters_out_of_range_are_refused_when_the_scene_is_loaded(any_rgb, s
         {"max_depth": True},
         {"max_depth": 2.5},
         {"ambient": (0.0, NAN, 0.0)},
+        {"ambient": 0.1},
         {"falloff": "linear"},
         {"epsilon": 0.0},
         {"epsilon": NAN},

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mitsuba_whitted.camera import any_ray
+from mitsuba_whitted.few import MOST_ALONE
 from mitsuba_whitted.ray import Found
 from mitsuba_whitted.scene_graph import SceneGraph
 from mitsuba_whitted.surfaces import Hit, Surfaces
@@ -221,3 +222,21 @@ def test_an_arc_tangent_in_double_is_off_by_eight_roundings_at_most(llvm_ad_rgb:
     y, x = np.random.default_rng(0).normal(size=(2, 1_000_000))
     ours, exact = np.array(dr.atan2(mi.Float64(y), mi.Float64(x))), np.arctan2(y, x)
     assert np.abs(ours / exact - 1).max() <= 8 * V
+
+
+@pytest.mark.parametrize(("other", "alike"), [({"type": "sphere"}, False), ({"type": "cube"}, True)])
+def test_embree_is_told_that_rays_are_alike_but_where_it_holds_only_spheres(
+    llvm_ad_rgb: str, monkeypatch: pytest.MonkeyPatch, other: dict[str, Any], alike: bool
+) -> None:
+    spheres = {f"ball_{i}": {"type": "sphere", "center": [3 * i, 0, 0]} for i in range(MOST_ALONE)}
+    scene = mi.load_dict({"type": "scene", **spheres, "other": {**other, "to_world": _far_away()}})
+    asked = mi.Scene.ray_intersect_preliminary
+    told = []
+
+    def ask(self: Any, ray: Any, *, coherent: bool, active: Any) -> Any:
+        told.append(coherent)
+        return asked(self, ray, coherent=coherent, active=active)
+
+    monkeypatch.setattr(mi.Scene, "ray_intersect_preliminary", ask)
+    _hits(scene, _rays(4, 4.0, seed=1))
+    assert told == [alike]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
@@ -134,6 +135,34 @@ def test_of_several_scenes_the_median_counts() -> None:
     assert slower.startswith("7 of 14 pictures slower")
     results.redrawn = [("b", measured(worst=2.1).scenes["b"])]
     assert of(verdicts(results), "worst pixel") == "not met"
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "factor"),
+    [
+        ("b", "in at most 1/2 of the grid's CPU", 0.01),
+        ("a", "more steeply", 1.0),
+        ("c", "mesh: RMSE 0.0005 with", 0.01),
+    ],
+)
+def test_a_scene_that_says_nothing_leaves_the_median_open(kind: str, words: str, factor: float) -> None:
+    results = measured(factor=factor)
+    assert of(verdicts(results), words) == "met"
+    dear = [point(TARGET, (4.0**k) ** -0.25, 100 * 4.0**k) for k in range(20)]  # slope -0.25, and no gain anywhere
+    curves = replace(results.scenes[kind], points=[*results.scenes[kind].of(GRID), *dear])
+    results.redrawn = [(kind, curves)] * 2
+    assert of(verdicts(results), words) == "not met"
+    results.redrawn = [(kind, replace(curves, points=[]))]
+    assert of(verdicts(results), words) == "not measured"
+
+
+def test_a_gain_is_told_as_a_share_from_median_to_extremes() -> None:
+    results = measured(factor=0.01)
+    results.redrawn = [("b", measured(factor=0.02).scenes["b"]), ("b", measured(factor=0.04).scenes["b"])]
+    (text,) = [each.measured for each in outcomes(results) if "1/2 of the grid's CPU" in each.target]
+    middle, least, most = (float(part.strip("()")) for part in re.findall(r"1/([0-9.e+]+)", text))
+    # Three digits of each are shown.
+    assert (abs(least / middle - 0.5) <= 0.01, abs(most / middle - 2) <= 0.02) == (True, True)
 
 
 def test_small_pictures_of_other_scenes_meet_nothing_either() -> None:

@@ -41,6 +41,9 @@ LOOKS = 16
 
 GRID, TARGET = "grid", "target error"
 
+RANDOM = "random"
+"""Begins the names of random scenes."""
+
 ONE_SAMPLE = 1
 
 
@@ -138,19 +141,18 @@ def run(schedule: Schedule, folder: Path, results: Results, told: Callable[[str]
 
 def _steps(schedule: Schedule, folder: Path, results: Results, told: Callable[[str], None]) -> Iterator[None]:
     results.povray = povray.version()
-    file = scenes.write("a", folder, SEED)
     for kind in schedule.kinds:
         file = scenes.write(kind, folder, SEED)
         curves = results.scenes[kind] = Curves(scenes.KINDS[kind].title, SEED, schedule.size)
         for _ in _curves(kind, file, curves, schedule, told, povray_too=True):
-            _keep(results, kind, curves)
+            _keep(results, f"scene {kind}", curves)
             yield
         if curves.note:
             results.notes.append(f"scene {kind}: {curves.note}")
     for number, kind in itertools.product(range(1, schedule.draws), schedule.kinds):
         curves = Curves(scenes.KINDS[kind].title, SEED + number, schedule.size)
         results.redrawn.append((kind, curves))
-        name = f"{kind}, seed {curves.seed}"
+        name = f"scene {kind}, seed {curves.seed}"
         for _ in _curves(name, scenes.write(kind, folder, curves.seed), curves, schedule, told):
             _keep(results, name, curves)
             yield
@@ -260,7 +262,7 @@ def _random(seed: int, folder: Path, results: Results, schedule: Schedule) -> No
     one = drawing.rays_of_grid(ONE_SAMPLE)
     for target in PROMISED:
         rmse = compare(pixels(drawing.to(target)), truth).rmse
-        results.kept.append(Kept(f"random {seed}", target, rmse, drawing.rays_to(target) / one, unsure))
+        results.kept.append(Kept(f"{RANDOM} {seed}", target, rmse, drawing.rays_to(target) / one, unsure))
 
 
 def _exact(file: Path, size: int) -> tuple[float, float, int, int]:

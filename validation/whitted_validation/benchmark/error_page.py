@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any
 
 from whitted_validation import report
-from whitted_validation.benchmark.error import FROZEN, GRID, TARGET, Curves, Results
+from whitted_validation.benchmark.error import FROZEN, GRID, RANDOM, TARGET, Curves, Results
 from whitted_validation.benchmark.error_curves import Of, Point, at_error, bare_cpu, cheapest, cpu, rays, slope, wall
 from whitted_validation.benchmark.error_drawing import PEERS
 from whitted_validation.benchmark.error_epsilon import Wrong
@@ -120,7 +120,7 @@ def lines(results: Results) -> Iterator[str]:
         shares = ", ".join(f"{epsilon:g}: {percent(share)}" for epsilon, share in wrong.by_epsilon)
         yield f"points in the wrong light, {wrong.case}, by epsilon: {shares}; without: {percent(wrong.ours)}"
     for kept in results.kept:
-        if kept.scene.startswith("random"):
+        if kept.scene.startswith(RANDOM):
             parts = f"RMSE {kept.rmse / kept.target:.2f} E, {kept.rays:.3g} times the rays of one sample a pixel"
             yield f"{kept.scene}, E = {kept.target:g}: {parts}; converged within {kept.unsure:.1e}"
     if results.exact:
@@ -159,7 +159,8 @@ def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]
             f"{schedule.pairs} of them; CPU time is that of all threads. {_by_povray(results)}"
             "Beside a time stands its floor: that of tracing the same samples alone, as if all were known beforehand, "
             "all at once and neighbours together. "
-            "Of several scenes of a kind the median counts. The seeds of the scenes come from the number of the commit "
+            "Of several scenes of a kind the median of what each takes counts, and single pictures one by one; POV-Ray "
+            "draws the first. The seeds of the scenes come from the number of the commit "
             f"after which no constant of the refinement was changed, `{FROZEN}`."
         ),
         targets_table(held, quick),
@@ -223,15 +224,16 @@ def _scene(name: str, curves: Curves, schedule: Schedule) -> Group:
 def _redrawn(results: Results) -> Group:
     """Compare scenes of the same kind at the errors that are asked for."""
     at = [(kind, rmse) for kind, rmse, _ in MOST_RAYS]
-    columns = ["scene", "seed", "RMSE", "rays", "CPU time", "wall time", "grid: rays", "CPU time", "wall time"]
+    costs = ["rays", "CPU time", "wall time"]
+    columns = ["scene", "seed", "converged within", "RMSE", *costs, *(f"grid: {each}" for each in costs)]
     rows: list[list[str | float | Cell]] = []
     for kind, rmse in sorted(at, key=lambda each: (each[0], -each[1])):
         for curves in results.of(kind):
             found = [at_error(curves.of(way), of, rmse) for way in (TARGET, GRID) for of in (rays, cpu, wall)]
             cells = ["" if math.isnan(x) else x for x in found]
-            rows.append([f"{kind} ({NAMES[kind]})", str(curves.seed), f"{rmse:g}", *cells])
+            rows.append([f"{kind} ({NAMES[kind]})", str(curves.seed), curves.unsure, rmse, *cells])
     note = "Rays and times over those of one sample a pixel, interpolated between the pictures of each curve."
-    return Group("Other scenes of the same kinds", [Table(columns, rows)], note)
+    return Group("All scenes of each kind", [Table(columns, rows)], note)
 
 
 def _row(p: Point, on_front: bool) -> list[str | float | Cell]:
@@ -246,7 +248,7 @@ def _kept(results: Results) -> Group:
     by_place = {(each.scene, each.target): each for each in results.kept}
     rows: list[list[str | float | Cell]] = []
     for scene in dict.fromkeys(each.scene for each in results.kept):
-        row: list[str | float | Cell] = [f"scene {scene}" if scene in results.scenes else scene]
+        row: list[str | float | Cell] = [scene]
         found = [by_place.get((scene, target)) for target in targets]
         row.append(max(each.unsure for each in found if each))
         for each in found:

@@ -1,14 +1,13 @@
 """What refinement is to reach, and whether what was measured shows it.
 
-Where several scenes of a kind were drawn, the median of rays and times counts: one scene takes a third more than
-another.
+Where several scenes of a kind were drawn, the median of what each takes counts; single pictures count one by one.
 """
 
 from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from whitted_validation.benchmark.error import GRID, TARGET, Curves, Kept, Results
 from whitted_validation.benchmark.error_curves import (
@@ -93,7 +92,7 @@ def outcomes(results: Results) -> Iterator[Outcome]:
     yield from _clutter(found["b"])
     for kind, least in LEAST_POVRAY:
         target = f"{NAMES[kind]}: POV-Ray's best mode takes at least {least:g} times the wall time"
-        yield _povray(found[kind][0] if found[kind] else None, target, least)
+        yield _povray(next(iter(found[kind]), None), target, least)
     yield from _promise(results.kept)
     yield _worst(found)
     yield _slope(found["a"])
@@ -101,24 +100,28 @@ def outcomes(results: Results) -> Iterator[Outcome]:
 
 def _slope(balls: list[Curves]) -> Outcome:
     target = f"balls: RMSE falls with extra rays more steeply than with power {STEEPEST_GRID:g}"
-    slopes = [[slope(trusted(curves, way), extra) for curves in balls] for way in (TARGET, GRID)]
-    known = [[each for each in of_way if not math.isnan(each)] for of_way in slopes]
-    if not all(known):
+    ours, grid = (_all_known(slope(trusted(curves, way), extra) for curves in balls) for way in (TARGET, GRID))
+    if not ours or not grid:
         return Outcome(target, "", None)
-    grid = statistics.median(known[1])
-    return Outcome(target, f"{_spread(known[0], '.2f')}; grid {grid:.2f}", statistics.median(known[0]) < STEEPEST_GRID)
+    text = f"{_spread(ours, '{:.2f}')}; grid {statistics.median(grid):.2f}"
+    return Outcome(target, text, statistics.median(ours) < STEEPEST_GRID)
 
 
-def _spread(found: Sequence[float], how: str = ".3g") -> str:
+def _spread(found: Sequence[float], how: str = "{:.3g}") -> str:
     """Write the median, and from where to where the numbers go if there are several."""
-    around = f" ({min(found):{how}} to {max(found):{how}})" if len(found) > 1 else ""
-    return f"{statistics.median(found):{how}}{around}"
+    middle, least, most = (how.format(each) for each in (statistics.median(found), min(found), max(found)))
+    return f"{middle} ({least} to {most})" if len(found) > 1 else middle
+
+
+def _all_known(found: Iterable[float]) -> list[float]:
+    """Return numbers of which none is missing; else nothing, for a median of the others would be one of luck."""
+    known = list(found)
+    return [] if any(math.isnan(each) for each in known) else known
 
 
 def costs(drawn: Sequence[Curves], way: str, of: Of, rmse: float) -> list[float]:
-    """Interpolate a cost at this error, in each of the scenes whose curve comes to it."""
-    found = [at_error(curves.of(way), of, rmse) for curves in drawn]
-    return [each for each in found if not math.isnan(each)]
+    """Interpolate a cost at this error, one a scene; nothing if the curve of some scene does not come to it."""
+    return _all_known(at_error(curves.of(way), of, rmse) for curves in drawn)
 
 
 def _at_most(target: str, drawn: Sequence[Curves], of: Of, rmse: float, most: float) -> Outcome:
@@ -160,14 +163,14 @@ def _povray(curves: Curves | None, target: str, least: float) -> Outcome:
 def _clutter(drawn: Sequence[Curves]) -> Iterator[Outcome]:
     for of, clock in ((cpu, "CPU"), (wall, "wall")):
         target = f"clutter: RMSE {CLUTTER:g} in at most 1/{LEAST_GAIN:g} of the grid's {clock} time"
-        found = [
-            [at_error(curves.of(way), cost, CLUTTER) for way, cost in ((GRID, of), (TARGET, of), (TARGET, FLOOR[of]))]
-            for curves in drawn
-        ]
-        ratios = [grid / ours for grid, ours, _ in found if not math.isnan(grid / ours)]
-        floors = [grid / floor for grid, _, floor in found if not math.isnan(grid / floor)]
+        ratios, floors = (
+            _all_known(
+                at_error(curves.of(GRID), of, CLUTTER) / at_error(curves.of(TARGET), ours, CLUTTER) for curves in drawn
+            )
+            for ours in (of, FLOOR[of])
+        )
         if ratios:
-            text = f"1/{_spread(ratios)}" + (f"; {BARE} 1/{statistics.median(floors):.3g}" if floors else "")
+            text = _spread(ratios, "1/{:.3g}") + (f"; {BARE} 1/{statistics.median(floors):.3g}" if floors else "")
             yield Outcome(target, text, statistics.median(ratios) >= LEAST_GAIN)
         else:
             yield Outcome(target, "", None)
@@ -209,14 +212,14 @@ def _worst(found: dict[str, list[Curves]]) -> Outcome:
     """Compare the worst pixel of each picture with that of the grid at equal RMSE."""
     target = f"worst pixel at most {MOST_WORST:g} times that of the grid of equal RMSE"
     ratios = [
-        (1 / gain, kind, rmse)
+        (1 / gain, f"{NAMES[kind]}, seed {curves.seed},", rmse)
         for kind, drawn in found.items()
         for curves in drawn
         for rmse, gain in gains(curves, largest, curves.of(GRID))
     ]
     if not ratios:
         return Outcome(target, "", None)
-    most, kind, rmse = max(ratios)
+    most, which, rmse = max(ratios)
     above = sum(ratio > MOST_WORST for ratio, *_ in ratios)
-    text = f"{above} of {len(ratios)} pictures worse; at most {most:.3g} times, {NAMES[kind]} at {rmse:.2g}"
+    text = f"{above} of {len(ratios)} pictures worse; at most {most:.3g} times, {which} at {rmse:.2g}"
     return Outcome(target, text, not above)

@@ -126,7 +126,7 @@ class Floor:
         """Ask which ball is first; for shadows too, since Mitsuba's ``ray_test`` misses small far ones."""
         ray = mi.Ray3f(o, d)
         ray.maxt = end
-        return self._balls.ray_intersect_preliminary(ray, coherent=True, active=active)
+        return self._balls.ray_intersect_preliminary(ray, coherent=False, active=active)
 
 
 def _dark() -> tuple[Any]:

@@ -174,7 +174,7 @@ def _otherwise_coherent() -> None:
     for name in ("ray_intersect_preliminary", "ray_test"):
         asked = getattr(mi.Scene, name)
 
-        def ask(self: Any, ray: Any, *, _asked: Any = asked, coherent: bool = True, active: Any = True) -> Any:
+        def ask(self: Any, ray: Any, *, coherent: bool, active: Any, _asked: Any = asked) -> Any:
             return _asked(self, ray, coherent=not coherent, active=active)
 
         setattr(mi.Scene, name, ask)
