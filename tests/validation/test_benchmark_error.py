@@ -148,7 +148,7 @@ def test_of_several_scenes_the_median_counts() -> None:
 def test_a_scene_that_says_nothing_leaves_the_median_open(kind: str, words: str, factor: float) -> None:
     results = measured(factor=factor)
     assert of(verdicts(results), words) == "met"
-    dear = [point(TARGET, (4.0**k) ** -0.25, 100 * 4.0**k) for k in range(20)]  # slope -0.25, and no gain anywhere
+    dear = [point(TARGET, (4.0**k) ** -0.25, 100 * 4.0**k) for k in range(25)]  # slope -0.25, and no gain anywhere
     curves = replace(results.scenes[kind], points=[*results.scenes[kind].of(GRID), *dear])
     results.redrawn = [(kind, curves)] * 2
     assert of(verdicts(results), words) == "not met"
