@@ -16,8 +16,8 @@ from mitsuba_whitted.water import AVERAGED, FALL, LEAST_SAMPLES
 # Fitted as told in `antialias`.
 
 OF_LAUNCHES = 1 << 16
-"""Samples that take as long as the launches of another split, however few the cells: 40,000 where a mesh is searched,
-130,000 where few shapes are tried one by one.
+"""Samples that take as long as the launches of another split, however few the cells: between fewer, where a mesh is
+searched for each, and more, where few shapes are tried one by one.
 """
 
 OF_PARTS = 30

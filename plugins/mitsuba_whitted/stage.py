@@ -62,7 +62,7 @@ class Settings:
         if not -1 <= self.max_depth < 2**31:  # as many as an <integer> may be
             raise SceneError(f"max_depth {self.max_depth} is out of range; allowed are -1 to {2**31 - 1}")
         if not isinstance(self.ambient, tuple) or not all(0 <= value < math.inf for value in self.ambient):
-            raise SceneError(f"ambient {self.ambient} is out of range; it must be a tuple, finite and not negative")
+            raise SceneError(f"ambient {self.ambient} must be one colour, finite and not negative")
         if self.falloff not in ("inverse_square", "none"):
             raise SceneError(f"falloff `{self.falloff}` is unknown; allowed are inverse_square and none")
         if self.epsilon is not None and not 0 < self.epsilon < math.inf:
