@@ -177,7 +177,7 @@ def average_to(
         error = _steadied(np.where(sound, measured, 0), np.where(sound, guessed, 0) * samples**-FALL)
         if np.sum(error**2) <= TOLERANCE**2 * budget:
             break
-        limit = _level(error, budget)
+        limit = _level(error, TOLERANCE**2 * budget)
         again = np.flatnonzero(error > limit)
         samples[again] = _even(samples[again] * np.minimum((error[again] / limit) ** (1 / FALL), MOST_MORE))
         if not suffice(samples[again]):

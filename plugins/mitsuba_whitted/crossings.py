@@ -11,7 +11,7 @@ from mitsuba_whitted.cells import Cells, Look, norm
 
 # Fitted as told in `antialias`.
 
-CROSSING = 0.4
+CROSSING = 0.3
 """Error of a cell, in parts of its contrast, for each part of a side within which the crossing is not known."""
 
 ALIKE = 0.1

@@ -16,7 +16,7 @@ from mitsuba_whitted.water import FROM
 
 # Fitted as told in `antialias`.
 
-BULGE = 1.6
+BULGE = 1.2
 """Error of a cell, in parts of its contrast, for the height of the bulge between chord and edge, times the chord's
 length.
 """
@@ -69,6 +69,9 @@ class _Task(NamedTuple):
     """Error for a bulge, in parts of its height."""
     fine: Any
     """How well the height of the bulge must be known, in sides."""
+    ask_a: Any
+    """Whether the colour at the centroid of A could matter."""
+    ask_b: Any
     checks: Any
     """How many; those about the place of a neighbour's surprise too."""
     follow: Any
@@ -77,12 +80,10 @@ class _Task(NamedTuple):
     """Of the error."""
 
     def phases(self) -> _Phases:
-        """Tell what is to be done: no part is looked at whose colour could not matter."""
-        parts = self.parts.area_a, 1 - self.parts.area_a
-        ask_a, ask_b = (CENTROID * self.weight * part > self.limit for part in parts)
+        """Tell what is to be done."""
         after_centroids = dr.select(self.checks > 0, mi.UInt32(_CHECK), _OVER)
-        after_a = dr.select(ask_b, mi.UInt32(_AT_B), after_centroids)
-        after_search = dr.select(ask_a, mi.UInt32(_AT_A), after_a)
+        after_a = dr.select(self.ask_b, mi.UInt32(_AT_B), after_centroids)
+        after_search = dr.select(self.ask_a, mi.UInt32(_AT_A), after_a)
         of_edge = dr.select(self.fine < LARGEST_SEARCH, mi.UInt32(_SEARCH), after_search)
         of_smooth = dr.select(self.bent, mi.UInt32(_CENTRE), after_centroids)
         return _Phases(dr.select(self.is_edge, of_edge, of_smooth), after_search, after_a, after_centroids)
@@ -127,11 +128,10 @@ class _Seen(NamedTuple):
 def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks: Any, follow: Any, limit: Any) -> None:
     """Take samples inside cells of one path, and find the edge in those of two.
 
-    Then it takes so many `checks` of each, spread evenly; before these MORE_CHECKS about the place of a neighbour's
-    surprise, where there is one to `follow`. Updates the estimates of the cells `close`; where what is seen does not
-    fit, or the error is still above `limit`, the values are left as they are.
+    Then it takes so many `checks` of each, less those samples, spread evenly; before these MORE_CHECKS about the place
+    of a neighbour's surprise, where there is one to `follow`. Updates the estimates of the cells `close`; where what is
+    seen does not fit, or the error is still above `limit`, the values are left as they are.
     """
-    checks = checks + dr.select(follow > 0, mi.UInt32(MORE_CHECKS), 0)
     before = estimate.some(close)
     two, several = before.kind == Kind.EDGE.value, before.kind == Kind.CLUTTER.value
     here = cells.some(close)
@@ -141,15 +141,21 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     weight = area * contrast
     # Where both parts have nearly the same colour, and the cell is said to be off, it is by something else.
     is_edge = two & (weight * OF_RANGE > limit)
-    bent = several | (~two & (before.error > float(FROM[Kind.SMOOTH]) * limit))
+    bent = several | (~is_edge & (before.error > float(FROM[Kind.SMOOTH]) * limit))
     of_bulge = BULGE * weight * parts.length
     fine = dr.maximum(limit / of_bulge, FINEST)
     of_corners = sum(parts.corners) * 0.25
+    ask_a, ask_b = (CENTROID * weight * part > limit for part in (parts.area_a, 1 - parts.area_a))
+    # What is asked anyway, at centroids or in the centre, counts as checks.
+    of_edge, of_smooth = (dr.select(each, mi.UInt32(1), 0) for each in (is_edge, bent))
+    asked = of_edge * (dr.select(ask_a, mi.UInt32(1), 0) + dr.select(ask_b, mi.UInt32(1), 0)) + of_smooth
+    checks = dr.maximum(checks, asked) - asked + dr.select(follow > 0, mi.UInt32(MORE_CHECKS), 0)
     task = _Task(
-        here, before, parts, of_corners, area, contrast, weight, is_edge, bent, of_bulge, fine, checks, follow, limit
-    )
+        here, before, parts, of_corners, area, contrast, weight, is_edge, bent, of_bulge, fine, ask_a, ask_b, checks,
+        follow, limit,
+    )  # fmt: skip
     phases = task.phases()
-    failed = two & dr.select(is_edge, parts.unclear, before.error > limit)
+    failed = is_edge & parts.unclear
 
     # A smooth cell may have been looked at before: Simpson's rule tells what the centre was, if it was asked at all.
     colour_a = dr.select(is_edge, parts.mean_a, 1.5 * before.value - 0.5 * of_corners)
@@ -253,6 +259,11 @@ def _concluded(task: _Task, seen: _Seen) -> tuple[Any, Any, Any]:
     failed = seen.failed | (task.is_edge & (edge_error > limit))  # then an average has to find all of it anew
     of_smooth = (task.of_corners + 2 * seen.colour_a) * (1 / 3)  # exact for polynomials up to the third degree
     bend = area * norm(seen.colour_a - task.of_corners) * SIMPSON
+    # What is more than may be left is no bend but a step: an edge within one path, as of a mesh before itself.
+    height = mi.Float(0)
+    for corner in parts.corners:
+        height = dr.maximum(height, norm(corner - seen.colour_a))
+    bend = dr.select(bend > limit, dr.maximum(bend, OF_RANGE * area * height), bend)
     smooth_error = dr.select(task.bent, bend, task.before.error)
     value = dr.select(task.is_edge, of_edge, of_smooth)
     return value, dr.select(task.is_edge, edge_error, smooth_error), failed

@@ -140,8 +140,10 @@ def test_averages_are_taken_again_until_their_errors_as_measured_meet_the_budget
     errors, off, taken = averaged_to(squares / 4)
     assert len(taken) > 1
     assert np.sum(errors**2) <= averages.TOLERANCE**2 * squares / 4
-    # Of samples at random the mean is off by half of what two halves differ, in the mean of squares.
-    assert np.sum(off**2) <= (0.5 / averages.OF_HALVES * averages.TOLERANCE) ** 2 * squares / 4
+    # Of samples at random the mean is off by half of what two halves differ, in the mean of squares. A cell that is not
+    # taken again may have differed little by luck; but for the part of its error that stays as foreseen.
+    most = (0.5 / averages.OF_HALVES * averages.TOLERANCE) ** 2 / averages.FORESEEN
+    assert np.sum(off**2) <= most * squares / 4
     for budget in (squares / 4, 0.5 * squares):  # not everything anew with all that one cell may need
         assert averaged_to(budget)[2][1] < averages.MOST_MORE * taken[0]
     monkeypatch.setattr(averages, "MOST_AGAIN", 0)
@@ -240,7 +242,8 @@ def test_what_would_take_more_than_to_split_it_is_left_to_be_split(llvm_ad_rgb, 
     assert len(taken) == 1
     assert np.any(errors > above)
     # The errors are told in float32, a rounding each; the squares, their sums and the level in double.
-    assert np.isclose(np.sum(np.minimum(errors, above).astype(float) ** 2), budget, rtol=4 * 2.0**-24, atol=0)
+    left = np.sum(np.minimum(errors, above).astype(float) ** 2)
+    assert np.isclose(left, averages.TOLERANCE**2 * budget, rtol=4 * 2.0**-24, atol=0)
 
 
 def test_a_level_cuts_errors_to_the_budget():
