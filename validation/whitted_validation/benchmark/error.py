@@ -22,7 +22,7 @@ from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
-FROZEN = "1e8f36f5471843aed9e2bfebae5e7c198e008065"
+FROZEN = "d05b24a4f80e75b528c1b811d4a98fae891b683d"
 """The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
 here: nobody could know them before.
 """
