@@ -126,7 +126,7 @@ class _Seen(NamedTuple):
 
 
 def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks: Any, follow: Any, limit: Any) -> None:
-    """Take samples inside cells of one path, and find the edge in those of two.
+    """Take samples inside cells of one path, or of two that look alike, and find the edge in all others of two.
 
     Then it takes so many `checks` of each, less those samples, spread evenly; before these MORE_CHECKS about the place
     of a neighbour's surprise, where there is one to `follow`. Updates the estimates of the cells `close`; where what is
@@ -147,8 +147,7 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     of_corners = sum(parts.corners) * 0.25
     ask_a, ask_b = (CENTROID * weight * part > limit for part in (parts.area_a, 1 - parts.area_a))
     # What is asked anyway, at centroids or in the centre, counts as checks.
-    of_edge, of_smooth = (dr.select(each, mi.UInt32(1), 0) for each in (is_edge, bent))
-    asked = of_edge * (dr.select(ask_a, mi.UInt32(1), 0) + dr.select(ask_b, mi.UInt32(1), 0)) + of_smooth
+    asked = sum(dr.select(each, mi.UInt32(1), 0) for each in (is_edge & ask_a, is_edge & ask_b, bent))
     checks = dr.maximum(checks, asked) - asked + dr.select(follow > 0, mi.UInt32(MORE_CHECKS), 0)
     task = _Task(
         here, before, parts, of_corners, area, contrast, weight, is_edge, bent, of_bulge, fine, ask_a, ask_b, checks,
