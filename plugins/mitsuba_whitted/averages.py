@@ -48,7 +48,7 @@ SPENT = 1.1
 HIDING = 2.0
 """Where something hides, averages are further off by this factor: it is small, and most samples miss it."""
 
-OF_HIDDEN = 16, 256
+OF_HIDDEN = 16, 4096
 """Samples where something hides, at least and at most: what one of some checks met is small, and few may miss it again;
 how small is not known, and what the most do not settle is split.
 """

@@ -41,9 +41,7 @@ class Estimate(NamedTuple):
     """What is expected to be wrong with the colour, times the cell's share of the pixel."""
     kind: Any
     surprise: Any
-    """One more than the number of the place of the check that met what was not expected, or that it followed
-    (`places.place`; the centre, number 0, stands for any other sample); 0 where all was as expected.
-    """
+    """Number of the place (`places.numbered`) of the sample that met what was not expected; 0 where none did."""
 
     def some(self, cell: Any) -> Estimate:
         """Pick what is known of the cells with these numbers."""

@@ -11,7 +11,7 @@ from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, norm
 from mitsuba_whitted.corners import OF_RANGE
 from mitsuba_whitted.crossings import FINEST, belongs, crossings
 from mitsuba_whitted.parts import Parts, cut
-from mitsuba_whitted.places import MORE_CHECKS, of_check
+from mitsuba_whitted.places import numbered, of_check
 from mitsuba_whitted.water import FROM
 
 # Fitted as told in `antialias`.
@@ -73,9 +73,9 @@ class _Task(NamedTuple):
     """Whether the colour at the centroid of A could matter."""
     ask_b: Any
     checks: Any
-    """How many; those about the place of a neighbour's surprise too."""
+    """How many."""
     follow: Any
-    """One more than the number of that place, or 0."""
+    """Where to look, if not spread evenly: see `places.of_check`; or 0."""
     limit: Any
     """Of the error."""
 
@@ -128,9 +128,9 @@ class _Seen(NamedTuple):
 def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks: Any, follow: Any, limit: Any) -> None:
     """Take samples inside cells of one path, or of two that look alike, and find the edge in all others of two.
 
-    Then it takes so many `checks` of each, less those samples, spread evenly; before these MORE_CHECKS about the place
-    of a neighbour's surprise, where there is one to `follow`. Updates the estimates of the cells `close`; where what is
-    seen does not fit, or the error is still above `limit`, the values are left as they are.
+    Then it takes so many `checks` of each, less those samples: spread evenly, or about the place of a neighbour's
+    surprise, where there is one to `follow`. Updates the estimates of the cells `close`; where what is seen does not
+    fit, or the error is still above `limit`, the values are left as they are.
     """
     before = estimate.some(close)
     two, several = before.kind == Kind.EDGE.value, before.kind == Kind.CLUTTER.value
@@ -148,7 +148,7 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     ask_a, ask_b = (CENTROID * weight * part > limit for part in (parts.area_a, 1 - parts.area_a))
     # What is asked anyway, at centroids or in the centre, counts as checks.
     asked = sum(dr.select(each, mi.UInt32(1), 0) for each in (is_edge & ask_a, is_edge & ask_b, bent))
-    checks = dr.maximum(checks, asked) - asked + dr.select(follow > 0, mi.UInt32(MORE_CHECKS), 0)
+    checks = dr.maximum(checks, asked) - asked
     task = _Task(
         here, before, parts, of_corners, area, contrast, weight, is_edge, bent, of_bulge, fine, ask_a, ask_b, checks,
         follow, limit,
@@ -197,7 +197,7 @@ def _look_once(look: Look, task: _Task, phases: _Phases, seen: _Seen) -> _Seen:
     k = dr.select(checking, seen.k + 1, seen.k)
     further_out = dr.select(seen.high > 1, dr.maximum(fine, 4 * seen.low), 0.5 * (seen.low + seen.high))
     bulge = dr.select(first, 0, further_out)
-    to_check, number = of_check(here, k, task.follow)
+    to_check = of_check(here, k, task.follow)
     at = dr.select(seen.phase == _AT_A, parts.centroid_a, parts.centroid_b)
     at = dr.select(central, mi.Point2f(0.5), dr.select(checking, to_check, at))
     at = dr.select(searching, parts.middle + seen.outward * bulge * parts.away, at)
@@ -228,7 +228,7 @@ def _look_once(look: Look, task: _Task, phases: _Phases, seen: _Seen) -> _Seen:
         colour_b=dr.select(seen.phase == _AT_B, colour, seen.colour_b),
         failed=failed,
         off=dr.maximum(seen.off, dr.select(failed, distance, 0)),
-        surprise=dr.select(failed, dr.select(checking, number, 0) + 1, seen.surprise),
+        surprise=dr.select(failed, numbered(at), seen.surprise),
     )
 
 

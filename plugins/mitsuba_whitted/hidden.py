@@ -30,6 +30,9 @@ FAR = 0.25
 LEAST_FAR = 0.6
 """With fewer than this, none of those is checked; below 1, those of every other column are."""
 
+LEAST_FOLLOWING = 12
+"""Checks where something was hidden in a neighbour, at least."""
+
 MOST_CHECKS = 128
 
 
@@ -51,7 +54,7 @@ def checks(pixels: Cells, estimate: Estimate, errors: Histogram, target: float, 
     some = (pixels.i + 2 * pixels.j) % opaque(mi.UInt32(max(every, 1))) == 0
     of_far = dr.select(some, opaque(mi.UInt32(math.ceil(far) if every else 0)), 0)
     seen = (estimate.kind != Kind.SMOOTH.value) & (estimate.error > 0)  # which NaN is not
-    most = largest_around(pixels, dr.select(seen, estimate.error, 0))
+    most, _ = largest_around(pixels, dr.select(seen, estimate.error, 0))
     near = dr.maximum(NEAR * most, dr.select(most > 0, opaque(mi.Float(ANYWHERE * typical)), 0))
     of_near = mi.UInt32(dr.minimum(opaque(mi.Float(of_contrast)) * near, MOST_CHECKS))
     of_each = dr.maximum(of_near, of_far)
@@ -59,15 +62,29 @@ def checks(pixels: Cells, estimate: Estimate, errors: Histogram, target: float, 
     return of_each
 
 
-def largest_around(pixels: Cells, values: Any) -> Any:
-    """Find the largest value of each pixel and those that touch it; none is below 0, or NaN."""
+def enough(around: Any, budget: float) -> Any:
+    """Say how many checks a pixel needs next to one where something hid that makes such an error.
+
+    What hides here with that contrast, unseen by k samples, adds (contrast / k)^2 to the sum of all squares.
+    """
+    of_contrast = opaque(mi.Float(1 / (OF_RANGE * math.sqrt(budget))))
+    return mi.UInt32(dr.clip(NEAR * of_contrast * around, LEAST_FOLLOWING, MOST_CHECKS))
+
+
+def largest_around(pixels: Cells, values: Any) -> tuple[Any, Any]:
+    """Find the largest value of each pixel and those that touch it, and the way there; none is below 0, or NaN.
+
+    Ways are numbered from 0, the upper left, down and then to the right; 4 is the pixel itself.
+    """
     across, down = pixels.across - 1, pixels.down - 1
     held = dr.zeros(mi.Float, pixels.samples)
     dr.scatter(held, values, pixels.j * across + pixels.i, pixels.inside)
-    found = mi.Float(0)
+    found, way = mi.Float(0), mi.UInt32(4)
     for x in range(-1, 2):
         for y in range(-1, 2):
             i, j = mi.Int32(pixels.i) + x, mi.Int32(pixels.j) + y
             there = pixels.inside & (i >= 0) & (j >= 0) & (i < mi.Int32(across)) & (j < mi.Int32(down))
-            found = dr.maximum(found, dr.gather(mi.Float, held, mi.UInt32(j) * across + mi.UInt32(i), there))
-    return found
+            value = dr.gather(mi.Float, held, mi.UInt32(j) * across + mi.UInt32(i), there)
+            way = dr.select(value > found, mi.UInt32(3 * (x + 1) + y + 1), way)
+            found = dr.maximum(found, value)
+    return found, way

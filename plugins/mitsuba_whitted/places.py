@@ -22,29 +22,39 @@ met by those of others, and can be followed from there.
 PLACES = 1024
 """Places before they are used again. They lie about 1/32 apart; float32 tells places apart by 2^-13 at the last one."""
 
-MORE_CHECKS = 12
-"""Checks, besides those that a pixel needs anyway, where something was hidden in a neighbour."""
-
 NEARBY = 0.5
-"""Side of the square about the same place, within the cell, in which they lie: what hides goes on nearly straight."""
+"""Side of the square, within the cell and nearest to what a neighbour has met, in which its checks lie."""
+
+SIDE = 1024
+"""A place is told by column and row of so many: 9 times its number is below 2^24, and exact in float32."""
+
+CENTRE = 1 + SIDE * (SIDE // 2) + SIDE // 2
+"""Number of the middle of a cell."""
 
 
-def place(number: Any) -> Any:
-    """Find a place in a cell, in parts of its side; number 0 is the centre."""
-    at = mi.Point2f(0.5) + mi.Float(number) * mi.Point2f(*GOLDEN)
-    return at - dr.floor(at)
+def numbered(at: Any) -> Any:
+    """Tell the number of a place, `at` in parts of the cell's side; from 1."""
+    column, row = (mi.UInt32(dr.clip(part * SIDE, 0, SIDE - 1)) for part in at)
+    return 1 + SIDE * column + row
 
 
-def of_check(here: Cells, k: Any, follow: Any) -> tuple[Any, Any]:
-    """Find the place of check k, from 1, and its number.
+def _beside(follow: Any) -> Any:
+    """Find the place to `follow`, in sides of this cell from its corner; it lies in one of those around."""
+    number, way = follow // 9 - 1, follow % 9
+    at = mi.Point2f(mi.Float(number // SIDE), mi.Float(number % SIDE)) * (1 / SIDE)
+    return at + mi.Point2f(mi.Float(way // 3), mi.Float(way % 3)) - 1
 
-    Where there is a place to `follow`, one more than its number, it comes first, then others near it, which count as
-    the same, until there were MORE_CHECKS.
+
+def of_check(here: Cells, k: Any, follow: Any) -> Any:
+    """Find the place of check k, from 1.
+
+    Where there is a place to `follow`, which is 9 times its number and the way there (`hidden.largest_around`), the
+    nearest one comes first, then others near that: what hides goes on nearly straight.
     """
-    number = (APART[0] * here.i + APART[1] * here.j) % PLACES + k
-    following = (follow > 0) & (k <= MORE_CHECKS)
-    there = place(follow - 1)
+    number = mi.Float((APART[0] * here.i + APART[1] * here.j) % PLACES + k)
+    at = mi.Point2f(0.5) + number * mi.Point2f(*GOLDEN)
+    at -= dr.floor(at)
+    there = _beside(follow)
     about = dr.clip(there, 0.5 * NEARBY, 1 - 0.5 * NEARBY)
-    at = place(number)
-    nearby = dr.select(k == 1, there, about + NEARBY * (at - 0.5))
-    return dr.select(following, nearby, at), dr.select(following, follow - 1, number)
+    nearby = dr.select(k == 1, dr.clip(there, 0, 1), about + NEARBY * (at - 0.5))
+    return dr.select(follow > 0, nearby, at)

@@ -61,7 +61,7 @@ def test_clutter_of_one_colour_is_checked_in_some_pixels_and_followed_from_there
         number = mi.UInt32(x * 4096) * 65537 + mi.UInt32(y * 4096) + 1
         return mi.Vector4f(colour, colour, colour, 1), dr.select(x < 48, number, dr.select(x > 56.5, mi.UInt32(1), 0))
 
-    target = 1e-2
+    target = 1.2e-2  # with less, more are checked: see `hidden.LEAST_FAR`
     picture = drawn(look, size, size, target)
     if white:
         assert np.sum((picture[:, :48] - 0.25) ** 2) <= picture.size * target**2
@@ -205,3 +205,40 @@ def test_averages_where_something_hides_are_expected_to_be_further_off(llvm_ad_r
     assert not np.all(hides)
     assert np.array_equal(expected(3.0)[0], np.where(hides, 3, 1) * once)
     assert averages.HIDING > 1
+
+
+@pytest.mark.parametrize("slope", [0.15, -0.15, -0.13])
+def test_a_strip_is_followed_from_row_to_row(llvm_ad_rgb, slope):
+    # A bright strip of a twentieth of a pixel on black ground, from border to border; corners meet it here and there.
+    size, target = 64, 2e-3
+
+    def look(x, y, active):
+        bright = dr.abs(y - 30.37 - slope * (x - 32)) < 0.025
+        colour = dr.select(bright, mi.Float(3), 0)
+        return mi.Vector4f(colour, colour, colour, 1), dr.select(bright, mi.UInt32(2), 1)
+
+    picture = drawn(look, size, size, target)
+    assert np.sum((picture.sum(axis=0) - 3 * 0.05) ** 2) <= picture.size * target**2
+
+
+def test_what_hides_is_followed_where_it_lies_next_to_a_pixel(llvm_ad_rgb):
+    from mitsuba_whitted import cells
+    from mitsuba_whitted.hidden import largest_around
+    from mitsuba_whitted.places import SIDE, numbered, of_check
+
+    size = 8
+    some = cells.pixels(lambda x, y, active: (mi.Vector4f(0, 0, 0, 1), mi.UInt32(1)), size, 0, size)
+    met = (some.i == 4) & (some.j == 5) & some.inside
+    values = dr.select(met, mi.Float(numbered(mi.Point2f(0.1, 0.6))), 0)
+    most, way = largest_around(some, values)
+    follow = dr.select(most > 0, 9 * mi.UInt32(most) + way, 0)
+    first, others = (of_check(some, mi.UInt32(k), follow) for k in (1, 2))
+    inside = np.array(some.inside)
+    i, j, followed = (np.array(part)[inside] for part in (some.i, some.j, follow > 0))
+    first, others = np.array(first).T[inside], np.array(others).T[inside]
+    assert np.array_equal(followed, (abs(i.astype(int) - 4) <= 1) & (abs(j.astype(int) - 5) <= 1))
+    there = np.clip(np.stack([4.1 - i, 5.6 - j], axis=1), 0, 1)[followed]
+    assert np.all(np.abs(first[followed] - there) <= 1 / SIDE)
+    # All others in the square of half a side that is nearest; a place is rounded as its number is.
+    middle = np.clip(np.stack([4.1 - i, 5.6 - j], axis=1), 0.25, 0.75)[followed]
+    assert np.all(np.abs(others[followed] - middle) <= 0.25 + 1 / SIDE)
