@@ -22,7 +22,7 @@ from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
-FROZEN = "d05b24a4f80e75b528c1b811d4a98fae891b683d"
+FROZEN = "bbed28e36bf92a4a19c602e6fcc748fdf6322b33"
 """The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
 here: nobody could know them before.
 """
