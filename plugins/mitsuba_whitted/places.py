@@ -26,7 +26,7 @@ NEARBY = 0.5
 """Side of the square, within the cell and nearest to what a neighbour has met, in which its checks lie."""
 
 SIDE = 1024
-"""A place is told by column and row of so many: 9 times its number is below 2^24, and exact in float32."""
+"""A place is told by column and row of so many: float32 holds its number exactly."""
 
 CENTRE = 1 + SIDE * (SIDE // 2) + SIDE // 2
 """Number of the middle of a cell."""
