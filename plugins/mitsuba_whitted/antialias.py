@@ -19,7 +19,7 @@ or the cell is split, whichever takes less (`averages`).
 Things that no corner meets show no error. So pixels next to an edge, and some or all others, are checked by samples
 more, the more of them the fewer pixels there are to share the target (`hidden`). Where one finds another colour than
 was expected the pixel is averaged over, and split only as far as its parts bear this out; and the pixels around are
-checked about the same place, and those around these (`places`).
+checked next to that place, and those around these (`places`).
 
 The target is kept by estimates, not proven; a thing that no sample meets stays unseen.
 """
@@ -38,7 +38,7 @@ from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, norm
 from mitsuba_whitted.corners import from_corners
 from mitsuba_whitted.edges import look_closer
 from mitsuba_whitted.hidden import checks, enough, largest_around
-from mitsuba_whitted.places import CENTRE
+from mitsuba_whitted.places import CENTRE, following
 from mitsuba_whitted.tables import opaque
 from mitsuba_whitted.water import FROM, LEAST_SAMPLES, UNTOUCHED, Histogram, water_level
 
@@ -126,7 +126,7 @@ def _follow(look: Look, pixels: Cells, estimate: Estimate, known: Any, limit: An
         known |= surprised
         places = dr.select(estimate.surprise > 0, estimate.surprise, CENTRE)
         most, way = largest_around(pixels, mi.Float(dr.select(surprised, places, 0)))
-        follow = dr.select((estimate.error <= limit) & (most > 0), 9 * mi.UInt32(most) + way, 0)
+        follow = dr.select(estimate.error <= limit, following(mi.UInt32(most), way), 0)
         checks = enough(largest_around(pixels, found)[0], budget)
         dr.eval(known, follow, checks)  # else every round would be another kernel
         _look(look, pixels, estimate, follow > 0, checks, follow, limit)

@@ -75,7 +75,7 @@ class _Task(NamedTuple):
     checks: Any
     """How many."""
     follow: Any
-    """Where to look, if not spread evenly: see `places.of_check`; or 0."""
+    """Where to look, if not spread evenly: see `places.following`; or 0."""
     limit: Any
     """Of the error."""
 

@@ -38,8 +38,13 @@ def numbered(at: Any) -> Any:
     return 1 + SIDE * column + row
 
 
+def following(number: Any, way: Any) -> Any:
+    """Tell by one number what to follow: a place, by its own or 0 for none, and the way (`hidden.largest_around`)."""
+    return dr.select(number > 0, 9 * number + way, 0)
+
+
 def _beside(follow: Any) -> Any:
-    """Find the place to `follow`, in sides of this cell from its corner; it lies in one of those around."""
+    """Undo `following`: the place, in sides of this cell from its corner; it lies in one of those around."""
     number, way = follow // 9 - 1, follow % 9
     at = mi.Point2f(mi.Float(number // SIDE), mi.Float(number % SIDE)) * (1 / SIDE)
     return at + mi.Point2f(mi.Float(way // 3), mi.Float(way % 3)) - 1
@@ -48,8 +53,8 @@ def _beside(follow: Any) -> Any:
 def of_check(here: Cells, k: Any, follow: Any) -> Any:
     """Find the place of check k, from 1.
 
-    Where there is a place to `follow`, which is 9 times its number and the way there (`hidden.largest_around`), the
-    nearest one comes first, then others near that: what hides goes on nearly straight.
+    Where there is a place to `follow` (`following`), the nearest one comes first, then others near that: what hides
+    goes on nearly straight.
     """
     number = mi.Float((APART[0] * here.i + APART[1] * here.j) % PLACES + k)
     at = mi.Point2f(0.5) + number * mi.Point2f(*GOLDEN)

@@ -224,14 +224,14 @@ def test_a_strip_is_followed_from_row_to_row(llvm_ad_rgb, slope):
 def test_what_hides_is_followed_where_it_lies_next_to_a_pixel(llvm_ad_rgb):
     from mitsuba_whitted import cells
     from mitsuba_whitted.hidden import largest_around
-    from mitsuba_whitted.places import SIDE, numbered, of_check
+    from mitsuba_whitted.places import SIDE, following, numbered, of_check
 
     size = 8
     some = cells.pixels(lambda x, y, active: (mi.Vector4f(0, 0, 0, 1), mi.UInt32(1)), size, 0, size)
     met = (some.i == 4) & (some.j == 5) & some.inside
     values = dr.select(met, mi.Float(numbered(mi.Point2f(0.1, 0.6))), 0)
     most, way = largest_around(some, values)
-    follow = dr.select(most > 0, 9 * mi.UInt32(most) + way, 0)
+    follow = following(mi.UInt32(most), way)
     first, others = (of_check(some, mi.UInt32(k), follow) for k in (1, 2))
     inside = np.array(some.inside)
     i, j, followed = (np.array(part)[inside] for part in (some.i, some.j, follow > 0))
