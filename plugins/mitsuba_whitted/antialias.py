@@ -178,17 +178,20 @@ def _refine(
     share = dr.select(expected | clutter | unfit, 1, untouched)
     left = _left(estimate, some.inside & ~unfit, share, budget)
     of_wrong = estimate.some(wrong)
-    numbers, guessed, hides = (np.array(part) for part in (wrong, of_wrong.error, of_wrong.hides()))
+    known = wrong, of_wrong.error, of_wrong.hides(), of_wrong.kind == Kind.CLUTTER.value
+    dr.eval(known)  # together: one kernel
+    numbers, guessed, hides, mixed = map(np.array, known)
+    del of_wrong, known  # or what they are picked from would be copied where it is written over
     guessed[hides] *= HIDING
-    del of_wrong  # or what it is picked from would be copied where it is written over
+    guessed[mixed] *= UNTOUCHED[Kind.CLUTTER]
     counts = needed(guessed, hides, level)
-    enough = enlarged(counts, guessed, left)
-    if suffice(enough):
-        above = average_to(look, some, estimate, numbers, enough, guessed, left)
+    samples = enlarged(counts, guessed, left)
+    if suffice(samples):
+        above = average_to(look, some, estimate, numbers, samples, guessed, left)
         if above is None:
             return
     else:
-        few = (counts <= LEAST_SAMPLES) | hides
+        few = (samples <= LEAST_SAMPLES) | hides
         average(look, some, estimate, numbers[few], counts[few], guessed[few])
         above = level
     unfit &= estimate.error > opaque(mi.Float(above))

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_whitted.cells import Cells, Estimate, Look, norm
+from mitsuba_whitted.lattices import of_corners, place
 from mitsuba_whitted.tables import owned
-from mitsuba_whitted.water import AVERAGED, FALL, LEAST_SAMPLES
+from mitsuba_whitted.water import AVERAGED, FALL, samples_for
 
 # Fitted as told in `antialias`.
 
@@ -29,21 +30,11 @@ AT_ONCE = 1 << 20
 MOST_SAMPLES = 1 << 18
 """Of a cell, whatever its error."""
 
-GOLDEN_RATIO = 0x9E3779B9
-"""Less 1, in units of 2^-32. Samples of an average lie at k / n, k g (modulo 1), k from 1/2: evenly spread for any n
-(Niederreiter 1992, chapter 3).
-"""
-
 OF_HALVES = 0.4
 """Error of such an average, in parts of how much two halves of the samples differ."""
 
 FORESEEN = 0.5
 """Of an error that two halves show, which may be small or large by chance, this part stays as it was foreseen."""
-
-SPENT = 1.1
-"""The samples grow with this power of the error. With 1 / FALL all cells would be left with the same error, with
-1 / (FALL + 1/2) the sum of squares would take the fewest samples (Lagrange), but some pixels would be far off.
-"""
 
 HIDING = 2.0
 """Where something hides, averages are further off by this factor: it is small, and most samples miss it."""
@@ -65,13 +56,13 @@ MOST_MORE = 4
 
 def needed(errors: NDArray[np.float32], hides: NDArray[np.bool_], limit: float) -> NDArray[np.uint32]:
     """Count the samples that cells with these errors need for about the limit; for each an even number."""
-    counts = LEAST_SAMPLES * np.maximum(1, (AVERAGED * errors.astype(float) / limit) ** SPENT)
+    counts = samples_for(errors.astype(float), limit)
     return _even(np.where(hides, np.clip(counts, *OF_HIDDEN), counts))
 
 
 def enlarged(counts: NDArray[np.uint32], errors: NDArray[np.float32], budget: float) -> NDArray[np.uint32]:
     """Take so many times these samples that the squares of the errors come to the budget, as far as can be foreseen."""
-    left = AVERAGED * errors.astype(float) * (counts / LEAST_SAMPLES) ** -FALL
+    left = AVERAGED * errors.astype(float) * counts.astype(float) ** -FALL
     squares = float(np.sum(left[np.isfinite(left)] ** 2))
     return _even(counts * max(1.0, (squares / budget) ** (0.5 / FALL)))
 
@@ -116,11 +107,8 @@ def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: A
     cell = dr.cumsum(begins)
     here = some.some(dr.gather(mi.UInt32, chosen, cell))
     k = dr.arange(mi.UInt32, samples) - dr.gather(mi.UInt32, first, cell)
-    count = mi.Float(dr.gather(mi.UInt32, counts, cell))
-    x = (mi.Float(k) + 0.5) / count
-    y = mi.Float((k * GOLDEN_RATIO + GOLDEN_RATIO // 2) >> 8) * 2.0**-24  # whole numbers: k may be a million
-    x, y = (dr.lerp(at, 0.5, _of_corners(count)) for at in (x, y))
-    colour, _ = look(dr.fma(x, here.step, here.x), dr.fma(y, here.step, here.y), mi.Bool(True))
+    at = place(k, dr.gather(mi.UInt32, counts, cell))
+    colour, _ = look(dr.fma(at.x, here.step, here.x), dr.fma(at.y, here.step, here.y), mi.Bool(True))
     colours = dr.ravel(colour)
     dr.eval(colours)  # else the sums would trace anew
 
@@ -131,25 +119,16 @@ def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: A
     state = (first, mi.Vector4d(0), mi.Vector4d(0))  # in double: a million numbers are summed
     summed: Any = dr.while_loop(state, lambda k, *_: k < ends, add, label="average")
     share = dr.rcp(mi.Float(counts))
-    of_corners = _of_corners(mi.Float(counts))
-    even, odd = (mi.Vector4f(total * mi.Float64(share * (1 - of_corners))) for total in summed[1:])
+    corners = of_corners(mi.Float(counts))
+    even, odd = (mi.Vector4f(total * mi.Float64(share * (1 - corners))) for total in summed[1:])
     known = sum(some.colour(sample) for sample in some.some(chosen).corners())
-    mean = even + odd + known * (0.25 * of_corners)
+    mean = even + odd + known * (0.25 * corners)
     error = norm(even - odd) * (2 * OF_HALVES) * (some.step * some.step)
-    error = dr.maximum(error, FORESEEN * guessed * share**FALL)
+    error = dr.maximum(error, FORESEEN * AVERAGED * guessed * share**FALL)
     dr.eval(mean, error)
     dr.scatter(estimate.value, mean, chosen)
     dr.scatter(estimate.error, error, chosen)
     dr.eval(*estimate)
-
-
-def _of_corners(count: Any) -> Any:
-    """Tell the share of the corners, which are known already, in an average of so many samples: each is half a sample.
-
-    The samples move towards the centre by the same share w, and the mean of what is quadratic stays right but for
-    3 w^2. With both, the error of random edges is 0.8 times that of the samples alone if there are 6, 0.9 times if 16.
-    """
-    return 2 * dr.rcp(count + 4)
 
 
 def average_to(

@@ -21,6 +21,10 @@ BLOCK = 32
 """Pixels are numbered along a Z curve (Morton 1966) in squares of this side: neighbours in a launch are close."""
 
 
+MOST_IN_A_ROW = 4
+"""Samples that differences are taken of: two second ones, and the third between these."""
+
+
 class Kind(IntEnum):
     """What the samples at the corners of a cell say of it."""
 
@@ -75,6 +79,8 @@ class Cells(NamedTuple):
     paths: Any
     samples: int
     """Of all lattices together."""
+    in_a_row: tuple[int, int]
+    """So many samples in a row, and in a column, are compared with each other: all there are, but no more than most."""
 
     def some(self, cell: Any) -> Cells:
         """Pick the cells with these numbers."""
@@ -94,9 +100,14 @@ class Cells(NamedTuple):
         return [self.corner, self.corner + 1, self.corner + self.across + 1, self.corner + self.across]
 
 
+def square(c: Any) -> Any:
+    """Mean square over the colour channels: the picture's error counts them alike."""
+    return (c.x * c.x + c.y * c.y + c.z * c.z) * (1 / 3)
+
+
 def norm(c: Any) -> Any:
-    """Root mean square over the colour channels: the picture's error counts them alike."""
-    return dr.sqrt((c.x * c.x + c.y * c.y + c.z * c.z) * (1 / 3))
+    """Root mean square over the colour channels."""
+    return dr.sqrt(square(c))
 
 
 def pixels(look: Look, width: int, top: int, bottom: int) -> Cells:
@@ -118,7 +129,8 @@ def pixels(look: Look, width: int, top: int, bottom: int) -> Cells:
     inside = (i < size.x) & (j < size.y)
     i, j = dr.minimum(i, size.x - 1), dr.minimum(j, size.y - 1)
     x, y, step = mi.Float(i), mi.Float(j + size.z), opaque(mi.Float(1))
-    return Cells(x, y, j * across + i, inside, i, j, across, down, step, colours, paths, samples)
+    in_a_row = min(width + 1, MOST_IN_A_ROW), min(height + 1, MOST_IN_A_ROW)
+    return Cells(x, y, j * across + i, inside, i, j, across, down, step, colours, paths, samples, in_a_row)
 
 
 def _along_z_curve(width: int, height: int) -> tuple[Any, Any]:
@@ -158,7 +170,7 @@ def quarters(look: Look, cells: Cells, split: Any) -> Cells:
     dr.scatter(paths, cells.path(known), at)
     side = opaque(mi.UInt32(3))
     whole = dr.full(mi.Bool, True, 4 * count)
-    parts = Cells(x, y, 9 * parent + i + 3 * j, whole, i, j, side, side, step, colours, paths, samples)
+    parts = Cells(x, y, 9 * parent + i + 3 * j, whole, i, j, side, side, step, colours, paths, samples, (3, 3))
 
     lane = dr.arange(mi.UInt32, 5 * count)
     parent, k = lane // 5, lane % 5

@@ -8,7 +8,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_whitted.cells import Cells, Estimate, Kind, norm
+from mitsuba_whitted.cells import MOST_IN_A_ROW, Cells, Estimate, Kind, norm, square
 from mitsuba_whitted.tables import opaque
 from mitsuba_whitted.water import Histogram, counts, histogram
 
@@ -48,7 +48,7 @@ def from_corners(some: Cells, target: float) -> tuple[Estimate, Histogram]:
     dr.scatter(value, (colours[0] + colours[1] + colours[2] + colours[3]) * 0.25, dr.arange(mi.UInt32, count))
     estimate = Estimate(value, error, kind, opaque(dr.zeros(mi.UInt32, count)))
     errors = counts(error, kind, some.inside, target)
-    dr.eval(*some[:-1], *estimate, errors)  # together: one kernel
+    dr.eval(*some[:-2], *estimate, errors)  # together: one kernel
     return estimate, histogram(errors)
 
 
@@ -81,16 +81,19 @@ def _bend(some: Cells) -> Any:
     They are taken over edges too: this is how the cells next to an edge come to a sample in the centre.
     """
 
-    def along(at: Any, size: Any, stride: Any, to_other_side: Any) -> Any:
-        first = mi.UInt32(dr.clip(mi.Int32(at) - 1, 0, dr.maximum(mi.Int32(size) - 4, 0)))
-        bend = mi.Float(0)
+    def along(at: Any, size: Any, count: int, stride: Any, to_other_side: Any) -> Any:
+        first = mi.UInt32(dr.clip(mi.Int32(at) - 1, 0, mi.Int32(size) - count))
+        bend, step = mi.Float(0), mi.Float(0)  # largest squares
         for side in range(2):
             begin = some.corner - at * stride + first * stride + side * to_other_side
-            c = [dr.gather(mi.Vector4f, some.colours, begin + n * stride, first + n < size) for n in range(4)]
-            bends = [dr.select(first + n + 2 < size, c[n] - 2 * c[n + 1] + c[n + 2], 0) for n in range(2)]
-            bend = dr.maximum(bend, OF_BEND * dr.maximum(norm(bends[0]), norm(bends[1])))
-            bend = dr.maximum(bend, OF_STEP * dr.select(first + 3 < size, norm(bends[1] - bends[0]), 0))
-        return bend
+            c = [some.colour(begin + n * stride) for n in range(count)]
+            bends = [c[n] - 2 * c[n + 1] + c[n + 2] for n in range(count - 2)]
+            for each in bends:
+                bend = dr.maximum(bend, square(each))
+            if count == MOST_IN_A_ROW:
+                step = dr.maximum(step, square(bends[1] - bends[0]))
+        return dr.sqrt(dr.maximum(OF_BEND**2 * bend, OF_STEP**2 * step))
 
     one = mi.UInt32(1)
-    return along(some.i, some.across, one, some.across) + along(some.j, some.down, some.across, one)
+    across = along(some.i, some.across, some.in_a_row[0], one, some.across)
+    return across + along(some.j, some.down, some.in_a_row[1], some.across, one)
