@@ -25,7 +25,7 @@ LEFT = np.array([0.25, 0.4])
 estimated.
 """
 
-LEAST_SAMPLES = 4
+LEAST_SAMPLES = 2
 """Of a cell that is averaged over."""
 
 FALL = 0.75
