@@ -155,6 +155,24 @@ def test_averages_are_taken_again_until_their_errors_as_measured_meet_the_budget
     assert np.sum(errors**2) == squares
 
 
+def test_halves_that_agree_by_chance_leave_part_of_what_was_foreseen(llvm_ad_rgb):
+    from mitsuba_whitted import averages, cells
+    from mitsuba_whitted.corners import from_corners
+    from mitsuba_whitted.water import AVERAGED, FALL
+
+    def grey(x, y, active):
+        return mi.Vector4f(0.5 + 0 * x), mi.UInt32(0)
+
+    some = cells.pixels(grey, 4, 0, 4)
+    estimate, _ = from_corners(some, 1e-3)
+    chosen = np.array(dr.compress(some.inside))
+    counts, guessed = 2 * np.arange(1, 17, dtype=np.uint32), np.linspace(0.1, 1, 16).astype(np.float32)
+    averages.average(grey, some, estimate, chosen, counts, guessed)
+    foreseen = averages.FORESEEN * AVERAGED * guessed * counts.astype(float) ** -FALL
+    # Two constants, the guess times either, 1/n and its power, which is a few units off itself, and the product.
+    assert np.allclose(np.array(estimate.error)[chosen], foreseen, rtol=12 * 2.0**-24, atol=0)
+
+
 def test_averages_that_meet_the_budget_are_taken_once(llvm_ad_rgb):
     squares = np.sum(averaged_to(math.inf)[0] ** 2)
     assert averaged_to(squares)[2] == [8 * 256]

@@ -71,6 +71,25 @@ def test_clutter_of_one_colour_is_checked_in_some_pixels_and_followed_from_there
         assert np.all(picture[:, :48] == 0)
 
 
+def test_what_is_to_be_split_is_not_averaged_first(llvm_ad_rgb, monkeypatch):
+    # All that is wrong comes from checks: the limit was found without it, and would let two samples a pixel suffice.
+    from mitsuba_whitted import antialias, averages
+
+    def look(x, y, active):
+        dot = (dr.abs(x - dr.floor(x) - 0.5) < 0.25) & (dr.abs(y - dr.floor(y) - 0.5) < 0.25) & (x < 48)
+        colour = dr.select(dot | (x > 56.5), mi.Float(1), 0)
+        number = mi.UInt32(x * 4096) * 65537 + mi.UInt32(y * 4096) + 1
+        return mi.Vector4f(colour, colour, colour, 1), dr.select(x < 48, number, dr.select(x > 56.5, mi.UInt32(1), 0))
+
+    averaged, split = [], []
+    monkeypatch.setattr(averages, "OF_LAUNCHES", 0)
+    monkeypatch.setattr(antialias, "average", lambda *some: averaged.append(some[3]))
+    monkeypatch.setattr(antialias, "_split", lambda *some: split.append(some[3]))
+    drawn(look, 64, 64, 1.6e-2)
+    assert sum(map(len, averaged)) == 0
+    assert sum(map(dr.width, split)) >= 48 * 64
+
+
 def test_checks_follow_the_contrast_around(llvm_ad_rgb):
     from mitsuba_whitted import cells, hidden
     from mitsuba_whitted.corners import from_corners
