@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_whitted.cells import Cells, Estimate, Look, norm
-from mitsuba_whitted.lattices import of_corners, place
+from mitsuba_whitted.lattices import of_corners, point
 from mitsuba_whitted.tables import owned
 from mitsuba_whitted.water import AVERAGED, FALL, samples_for
 
@@ -25,23 +25,27 @@ OF_PARTS = 30
 """Samples that a cell takes when it is split: five for its parts, the others inside them."""
 
 AT_ONCE = 1 << 20
-"""Samples of averages in one launch, of some 100 bytes each, and those by which its first cell goes beyond."""
+"""Samples of averages in one launch, of some 100 bytes each; it may be MOST_SAMPLES more, since no cell is divided."""
 
 MOST_SAMPLES = 1 << 18
 """Of a cell, whatever its error."""
 
 OF_HALVES = 0.4
-"""Error of such an average, in parts of how much two halves of the samples differ."""
+"""Error of such an average, in parts of how much the means of two halves of the samples differ; of straight edges it is
+0.3 (`lattices`), but halves may also agree by chance.
+"""
 
 FORESEEN = 0.5
-"""Of an error that two halves show, which may be small or large by chance, this part stays as it was foreseen."""
+"""Of an error that two halves show, which may be small or large by chance, this part stays as it was foreseen: of the
+error at least, of its square in the mean.
+"""
 
 HIDING = 2.0
 """Where something hides, averages are further off by this factor: it is small, and most samples miss it."""
 
 OF_HIDDEN = 16, 4096
-"""Samples where something hides, at least and at most: what one of some checks met is small, and few may miss it again;
-how small is not known, and what the most do not settle is split.
+"""Samples where something hides, at least and at most, before all are enlarged: what one of some checks met is small,
+and few may miss it again; how small is not known, and what the most do not settle is split.
 """
 
 TOLERANCE = 1.3
@@ -55,7 +59,7 @@ MOST_MORE = 4
 
 
 def needed(errors: NDArray[np.float32], hides: NDArray[np.bool_], limit: float) -> NDArray[np.uint32]:
-    """Count the samples that cells with these errors need for about the limit; for each an even number."""
+    """Count the samples that cells with these errors are averaged over at this limit; for each an even number."""
     counts = samples_for(errors.astype(float), limit)
     return _even(np.where(hides, np.clip(counts, *OF_HIDDEN), counts))
 
@@ -107,7 +111,7 @@ def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: A
     cell = dr.cumsum(begins)
     here = some.some(dr.gather(mi.UInt32, chosen, cell))
     k = dr.arange(mi.UInt32, samples) - dr.gather(mi.UInt32, first, cell)
-    at = place(k, dr.gather(mi.UInt32, counts, cell))
+    at = point(k, dr.gather(mi.UInt32, counts, cell))
     colour, _ = look(dr.fma(at.x, here.step, here.x), dr.fma(at.y, here.step, here.y), mi.Bool(True))
     colours = dr.ravel(colour)
     dr.eval(colours)  # else the sums would trace anew
@@ -116,7 +120,7 @@ def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: A
         first, second = (mi.Vector4d(dr.gather(mi.Vector4f, colours, k + part)) for part in range(2))
         return k + 2, even + first, odd + second
 
-    state = (first, mi.Vector4d(0), mi.Vector4d(0))  # in double: a million numbers are summed
+    state = (first, mi.Vector4d(0), mi.Vector4d(0))  # in double: very many numbers are summed
     summed: Any = dr.while_loop(state, lambda k, *_: k < ends, add, label="average")
     share = dr.rcp(mi.Float(counts))
     corners = of_corners(mi.Float(counts))

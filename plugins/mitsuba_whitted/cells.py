@@ -22,7 +22,7 @@ BLOCK = 32
 
 
 MOST_IN_A_ROW = 4
-"""Samples that differences are taken of: two second ones, and the third between these."""
+"""Differences are taken of so many samples: two second ones, and the third between these."""
 
 
 class Kind(IntEnum):

@@ -48,7 +48,8 @@ def from_corners(some: Cells, target: float) -> tuple[Estimate, Histogram]:
     dr.scatter(value, (colours[0] + colours[1] + colours[2] + colours[3]) * 0.25, dr.arange(mi.UInt32, count))
     estimate = Estimate(value, error, kind, opaque(dr.zeros(mi.UInt32, count)))
     errors = counts(error, kind, some.inside, target)
-    dr.eval(*some[:-2], *estimate, errors)  # together: one kernel
+    arrays = [part for part in some if dr.is_array_v(part)]
+    dr.eval(*arrays, *estimate, errors)  # together: one kernel
     return estimate, histogram(errors)
 
 

@@ -11,7 +11,7 @@ from mitsuba_whitted.cells import Cells
 
 # Fitted as told in `antialias`, but for the first.
 
-GOLDEN = 0.7548776662, 0.5698402910
+PLASTIC = 0.7548776662, 0.5698402910
 """Steps from place to place: 1 / g and 1 / g^2 with g^3 = g + 1; so they are spread most evenly (Roberts 2018)."""
 
 APART = 13, 7
@@ -20,7 +20,7 @@ met by those of others, and can be followed from there.
 """
 
 PLACES = 1024
-"""Places before they are used again. They lie about 1/32 apart; float32 tells places apart by 2^-13 at the last one."""
+"""Places before they are used again. They lie about 1/32 apart; float32 tells places apart by 2^-14 at the last one."""
 
 NEARBY = 0.5
 """Side of the square, within the cell and nearest to what a neighbour has met, in which its checks lie."""
@@ -57,7 +57,7 @@ def of_check(here: Cells, k: Any, follow: Any) -> Any:
     goes on nearly straight.
     """
     number = mi.Float((APART[0] * here.i + APART[1] * here.j) % PLACES + k)
-    at = mi.Point2f(0.5) + number * mi.Point2f(*GOLDEN)
+    at = mi.Point2f(0.5) + number * mi.Point2f(*PLASTIC)
     at -= dr.floor(at)
     there = _beside(follow)
     about = dr.clip(there, 0.5 * NEARBY, 1 - 0.5 * NEARBY)

@@ -60,13 +60,15 @@ def test_the_level_is_the_highest_whose_averages_meet_the_budget(llvm_ad_rgb):
     for place in (20, 50, 80):
         budget = left(of_bins[place])
         for less in (False, True):
-            found = water_level(errors, target, budget * (0.999 if less else 1.001))
+            found = water_level(errors, target, budget * (0.999 if less else 1.001))  # one level is 1.19 times another
             assert found == of_bins[place - less]
 
 
 def test_clutter_is_averaged_as_if_it_were_what_it_mostly_turns_out_to_be(llvm_ad_rgb, monkeypatch):
-    from mitsuba_whitted import antialias, averages
+    from mitsuba_whitted import antialias, averages, cells
     from mitsuba_whitted.cells import Kind
+    from mitsuba_whitted.corners import from_corners
+    from mitsuba_whitted.water import UNTOUCHED
 
     def look(x, y, active):  # squares that corners meet at random, and an edge
         square = (mi.UInt32(x * 1.37) + mi.UInt32(y * 1.61)) & 1
@@ -77,13 +79,18 @@ def test_clutter_is_averaged_as_if_it_were_what_it_mostly_turns_out_to_be(llvm_a
         return mi.Vector4f(colour, colour, colour, 1), path
 
     def guessed(part):
-        asked = []
-        monkeypatch.setattr(antialias, "UNTOUCHED", np.array([0.4, 0.45, part]))
+        asked, averaged, parts = [], [], UNTOUCHED.copy()
+        parts[Kind.CLUTTER] = part
+        monkeypatch.setattr(antialias, "UNTOUCHED", parts)
         monkeypatch.setattr(antialias, "needed", lambda *some: asked.append(some) or averages.needed(*some))
+        monkeypatch.setattr(antialias, "suffice", lambda *_: True)
+        monkeypatch.setattr(antialias, "average_to", lambda *some: averaged.append(some[3]))
         antialias.refined(look, 40, 0, 40, 1e-2)
-        return asked[0][0]
+        return asked[0][0], averaged[0]
 
-    once, half = guessed(1.0), guessed(0.5)
-    assert Kind.CLUTTER == 2
-    assert np.any(half < once)
-    assert np.all((half == once) | (half == 0.5 * once))
+    (once, which), (half, _) = guessed(1.0), guessed(0.5)
+    estimate, _ = from_corners(cells.pixels(look, 40, 0, 40), 1e-2)
+    clutter = np.array(estimate.kind)[which] == Kind.CLUTTER
+    assert np.any(clutter)
+    assert not np.all(clutter)
+    assert np.array_equal(half, np.where(clutter, 0.5, 1) * once)
