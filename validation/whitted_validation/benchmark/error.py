@@ -22,7 +22,7 @@ from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
-FROZEN = "bbed28e36bf92a4a19c602e6fcc748fdf6322b33"
+FROZEN = "699a660040722a85c9a8edef51dbeae4fcd4e70e"
 """The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
 here: nobody could know them before.
 """
