@@ -161,7 +161,7 @@ def average_to(
         if np.sum(error**2) <= TOLERANCE**2 * budget:
             break
         limit = _level(error, TOLERANCE**2 * budget)
-        again = np.flatnonzero(error > limit)
+        again = np.flatnonzero((error > limit) & (samples < MOST_SAMPLES))
         samples[again] = _even(samples[again] * np.minimum((error[again] / limit) ** (1 / FALL), MOST_MORE))
         if not suffice(samples[again]):
             dr.scatter(estimate.error, owned(error.astype(np.float32)), lanes)

@@ -177,6 +177,14 @@ def test_averages_that_meet_the_budget_are_taken_once(llvm_ad_rgb):
     assert averaged_to(squares)[2] == [8 * 256]
 
 
+def test_what_has_the_most_samples_is_not_averaged_again(llvm_ad_rgb, monkeypatch):
+    from mitsuba_whitted import averages
+
+    squares = np.sum(averaged_to(math.inf)[0] ** 2)
+    monkeypatch.setattr(averages, "MOST_SAMPLES", 8)
+    assert sum(averaged_to(squares / 4)[2]) == 8 * 256
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_what_is_no_number_keeps_nothing_else_from_its_budget(llvm_ad_rgb, bad):
     from mitsuba_whitted import averages
