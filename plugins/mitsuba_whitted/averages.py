@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mitsuba_whitted.cells import Cells, Estimate, Look, norm
 from mitsuba_whitted.lattices import of_corners, point
 from mitsuba_whitted.tables import owned
-from mitsuba_whitted.water import AVERAGED, FALL, samples_for
+from mitsuba_whitted.water import AVERAGED, FALL, foreseen, samples_for
 
 # Fitted as told in `antialias`.
 
@@ -66,7 +66,7 @@ def needed(errors: NDArray[np.float32], hides: NDArray[np.bool_], limit: float) 
 
 def enlarged(counts: NDArray[np.uint32], errors: NDArray[np.float32], budget: float) -> NDArray[np.uint32]:
     """Take so many times these samples that the squares of the errors come to the budget, as far as can be foreseen."""
-    left = AVERAGED * errors.astype(float) * counts.astype(float) ** -FALL
+    left = foreseen(errors.astype(float), counts)
     squares = float(np.sum(left[np.isfinite(left)] ** 2))
     return _even(counts * max(1.0, (squares / budget) ** (0.5 / FALL)))
 
@@ -157,7 +157,7 @@ def average_to(
     for _ in range(MOST_AGAIN):
         measured = np.array(dr.gather(mi.Float, estimate.error, lanes), np.float64)
         sound = np.isfinite(guessed) & np.isfinite(measured)  # no samples mend the others
-        error = _steadied(np.where(sound, measured, 0), np.where(sound, guessed, 0) * samples**-FALL)
+        error = _steadied(np.where(sound, measured, 0), foreseen(np.where(sound, guessed, 0.0), samples))
         if np.sum(error**2) <= TOLERANCE**2 * budget:
             break
         limit = _level(error, TOLERANCE**2 * budget)
@@ -170,12 +170,12 @@ def average_to(
     return None
 
 
-def _steadied(measured: NDArray[np.float64], foreseen: NDArray[np.float64]) -> NDArray[np.float64]:
+def _steadied(measured: NDArray[np.float64], expected: NDArray[np.float64]) -> NDArray[np.float64]:
     """Let the squares of errors measured by two halves each be in part as they were foreseen.
 
     These are brought to the same sum of squares, which is what the measured ones are good for.
     """
-    squares, of_foreseen = measured**2, foreseen**2
+    squares, of_foreseen = measured**2, expected**2
     scale = np.sum(squares) / max(np.sum(of_foreseen), np.finfo(float).tiny)
     found: NDArray[np.float64] = np.sqrt((1 - FORESEEN) * squares + FORESEEN * scale * of_foreseen)
     return found

@@ -40,11 +40,9 @@ def checks(pixels: Cells, estimate: Estimate, errors: Histogram, target: float, 
     """Say how many samples more each pixel needs, so that what matters is not likely to hide there.
 
     A hidden thing has the contrast of the edges around it, or that of edges seen elsewhere: the mean of these.
-    Unseen by k samples it fills about 1/k of a pixel, and adds (contrast / k)^2 to the sum of all squares, which may
-    be count * target^2.
     """
     mixed = errors[Kind.EDGE :]
-    of_contrast = 1 / (OF_RANGE * target * math.sqrt(count))
+    of_contrast = _of_contrast(count * target**2)
     typical = math.sqrt(np.sum(mixed * levels(target) ** 2) / max(mixed.sum(), 1))
     far = min(FAR * of_contrast * typical, MOST_CHECKS)
     every = math.ceil(1 / far) if far > LEAST_FAR else 0
@@ -63,12 +61,18 @@ def checks(pixels: Cells, estimate: Estimate, errors: Histogram, target: float, 
 
 
 def enough(around: Any, budget: float) -> Any:
-    """Say how many checks a pixel needs next to one where something hid that makes such an error.
-
-    What hides here with that contrast, unseen by k samples, adds (contrast / k)^2 to the sum of all squares.
-    """
-    of_contrast = opaque(mi.Float(1 / (OF_RANGE * math.sqrt(budget))))
+    """Say how many checks a pixel needs next to one where something hid that makes such an error."""
+    of_contrast = opaque(mi.Float(_of_contrast(budget)))
     return mi.UInt32(dr.clip(NEAR * of_contrast * around, LEAST_FOLLOWING, MOST_CHECKS))
+
+
+def _of_contrast(budget: float) -> float:
+    """Tell the checks for an error that an edge of some contrast is estimated to make: what hides may have the same.
+
+    Unseen by k samples it fills about 1/k of a pixel, and adds (contrast / k)^2 to the sum of all squares, which may be
+    the budget.
+    """
+    return 1 / (OF_RANGE * math.sqrt(budget))
 
 
 def largest_around(pixels: Cells, values: Any) -> tuple[Any, Any]:

@@ -36,12 +36,15 @@ GOLDEN = (5**0.5 - 1) / 2
 """Step of lattices of more samples: evenly spread for any number (Niederreiter 1992, chapter 3)."""
 
 
+_ROWS = np.rint(np.array((*BEST, (GOLDEN, GOLDEN / 2))) * 2.0**32)
+"""All of these in units of 2^-32: of floats k g would lose its fraction where k is large."""
+
+
 def point(k: Any, count: Any) -> Any:
     """Find sample `k`, from 0, of `count`, which is even: a point, in sides of the cell."""
-    rows = np.rint(np.array((*BEST, (GOLDEN, GOLDEN / 2))) * 2.0**32)
     row = dr.minimum(count // 2 - 1, len(BEST))
-    step, start = fetch(mi.Vector2u, index_column(rows), row)
-    down = k * step + start  # in units of 2^-32, modulo 1: of floats k g would lose its fraction where k is large
+    step, start = fetch(mi.Vector2u, index_column(_ROWS), row)
+    down = k * step + start  # modulo 1
     n = mi.Float(count)
     at = mi.Point2f((mi.Float(k) + 0.5) / n, mi.Float(down >> 8) * 2.0**-24)
     return dr.lerp(at, mi.Point2f(0.5), of_corners(n))

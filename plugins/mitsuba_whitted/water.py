@@ -90,11 +90,17 @@ def samples_for(error: NDArray[np.float64], limit: Any) -> NDArray[np.float64]:
     return found
 
 
+def foreseen(error: NDArray[np.float64], samples: NDArray[Any]) -> NDArray[np.float64]:
+    """Tell how far off averages of so many samples are likely to be, where the cells were expected to be by `error`."""
+    left: NDArray[np.float64] = AVERAGED * error * samples.astype(float) ** -FALL
+    return left
+
+
 def _squares() -> NDArray[np.float64]:
     """Tell what a cell adds to the sum of squares, by limit, kind and error: (BINS, 3, BINS), for a target of 1."""
     error, limit = levels(1), levels(1)[:, None, None]
     clutter = UNTOUCHED[Kind.CLUTTER] * error
-    averaged = AVERAGED * clutter * samples_for(clutter, limit) ** -FALL
+    averaged = foreseen(clutter, samples_for(clutter, limit))
     refined = np.concatenate([np.minimum(error, LEFT[:, None] * limit), averaged], axis=1)
     found: NDArray[np.float64] = np.where(error > FROM[:, None] * limit, refined, UNTOUCHED[:, None] * error) ** 2
     return found
