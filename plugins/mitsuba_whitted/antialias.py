@@ -134,7 +134,7 @@ def _follow(look: Look, pixels: Cells, estimate: Estimate, known: Any, limit: An
 
 def _look(look: Look, some: Cells, estimate: Estimate, closer: Any, checks: Any, follow: Any, limit: Any) -> None:
     """Look closer at the cells that need it, if there are any."""
-    close = dr.compress(closer)
+    close = cells.picked(closer, estimate.kind == Kind.EDGE.value)
     if dr.width(close):
         checks, follow = dr.gather(mi.UInt32, checks, close), dr.gather(mi.UInt32, follow, close)
         look_closer(look, some, estimate, close, checks, follow, limit)

@@ -117,15 +117,21 @@ def pixels(look: Look, width: int, top: int, bottom: int) -> Cells:
     across, down = size.x + 1, size.y + 1
     dr.make_opaque(across, down)
 
-    i, j = _along_z_curve(width + 1, height + 1)
-    held = (i < across) & (j < down)
+    lanes = _lanes(width, height)
+    lane = dr.arange(mi.UInt32, lanes + width + height + 1)
+    i, j = _along_z_curve(lane, width)
+    beyond = lane - opaque(mi.UInt32(lanes))  # the right border from the top to the corner, then the lower one
+    border, right = lane >= opaque(mi.UInt32(lanes)), beyond < down
+    i = dr.select(border, dr.select(right, size.x, beyond - down), i)
+    j = dr.select(border, dr.select(right, beyond, size.y), j)
+    held = border | ((i < size.x) & (j < size.y))
     colour, path = look(mi.Float(i), mi.Float(j + size.z), held)
     samples = (width + 1) * (height + 1)
     colours, paths = dr.empty(mi.Float, 4 * samples), dr.empty(mi.UInt32, samples)
     dr.scatter(colours, colour, j * across + i, held)
     dr.scatter(paths, path, j * across + i, held)
 
-    i, j = _along_z_curve(width, height)
+    i, j = _along_z_curve(dr.arange(mi.UInt32, lanes), width)
     inside = (i < size.x) & (j < size.y)
     i, j = dr.minimum(i, size.x - 1), dr.minimum(j, size.y - 1)
     x, y, step = mi.Float(i), mi.Float(j + size.z), opaque(mi.Float(1))
@@ -133,12 +139,15 @@ def pixels(look: Look, width: int, top: int, bottom: int) -> Cells:
     return Cells(x, y, j * across + i, inside, i, j, across, down, step, colours, paths, samples, in_a_row)
 
 
-def _along_z_curve(width: int, height: int) -> tuple[Any, Any]:
-    """Columns and rows of a rectangle, and more beyond its edges: square by square, and in each along a Z curve."""
-    blocks_across, blocks_down = -(-width // BLOCK), -(-height // BLOCK)
-    lane = dr.arange(mi.UInt32, blocks_across * blocks_down * BLOCK * BLOCK)
+def _lanes(width: int, height: int) -> int:
+    """Count the lanes that hold a rectangle square by square, and more beyond its edges."""
+    return -(-width // BLOCK) * -(-height // BLOCK) * BLOCK * BLOCK
+
+
+def _along_z_curve(lane: Any, width: int) -> tuple[Any, Any]:
+    """Columns and rows of a rectangle: square by square, and in each along a Z curve."""
     block, inner = lane // (BLOCK * BLOCK), lane % (BLOCK * BLOCK)
-    across = opaque(mi.UInt32(blocks_across))
+    across = opaque(mi.UInt32(-(-width // BLOCK)))
     return block % across * BLOCK + _even_bits(inner), block // across * BLOCK + _even_bits(inner >> 1)
 
 
@@ -148,6 +157,20 @@ def _even_bits(x: Any) -> Any:
     x = (x | (x >> 1)) & 0x133
     x = (x | (x >> 2)) & 0x10F
     return (x | (x >> 4)) & 0x1F
+
+
+def picked(wanted: Any, edge: Any) -> Any:
+    """Numbers of the wanted cells: in each square of pixels those with an edge come first.
+
+    They take more samples than others, and a vector as many as the longest of its lanes; yet its rays must stay close.
+    """
+    run, count = BLOCK * BLOCK, dr.width(wanted)
+    kind = dr.select(wanted, dr.select(edge, mi.UInt32(1), 2), 0)
+    lane = dr.arange(mi.UInt32, 2 * run * -(-count // run))  # each run twice
+    cell, other = lane // (2 * run) * run + lane % run, lane // run % 2
+    known = dr.gather(mi.UInt32, kind, cell, cell < opaque(mi.UInt32(count)))
+    place = dr.compress(known == other + 1)
+    return place // (2 * run) * run + place % run if dr.width(place) else place  # no sum of none and one is allowed
 
 
 def quarters(look: Look, cells: Cells, split: Any) -> Cells:

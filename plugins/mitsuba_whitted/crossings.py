@@ -24,12 +24,13 @@ FINEST = 2.0**-10
 """No position is sought finer than this part of a side: edges are not straighter than that."""
 
 
-def belongs(colour: Any, path: Any, colours: Any, paths: Any, contrast: Any, limit: Any) -> tuple[Any, Any]:
-    """Tell whether a sample belongs to the first of two paths, and whether to one of them at all."""
+def belongs(colour: Any, path: Any, colours: Any, paths: Any, contrast: Any, limit: Any) -> tuple[Any, Any, Any]:
+    """Tell whether a sample belongs to the first of two paths, whether to one at all, and how far off its colour is."""
     to_a, to_b = (norm(colour - end) for end in colours)
-    alike = dr.minimum(to_a, to_b) <= dr.minimum(ALIKE * contrast, ALIKE_ERROR * limit)
+    off = dr.minimum(to_a, to_b)
+    alike = off <= dr.minimum(ALIKE * contrast, ALIKE_ERROR * limit)
     is_a = (path == paths[0]) | ((path != paths[1]) & alike & (to_a < to_b))
-    return is_a, (path == paths[0]) | (path == paths[1]) | alike
+    return is_a, (path == paths[0]) | (path == paths[1]) | alike, off
 
 
 def sides(cells: Cells) -> list[Any]:
@@ -90,13 +91,19 @@ def crossings(look: Look, cells: Cells, close: Any, two: Any, limit: Any) -> Any
     colours = cells.colour(side.begin), cells.colour(side.end)
     paths = cells.path(side.begin), cells.path(side.end)
     contrast, area = norm(colours[0] - colours[1]), here.step * here.step
-    fine = dr.maximum(limit / (CROSSING * area * contrast), FINEST)
+
+    def enough(contrast: Any) -> Any:
+        """Part of a side that need not be known any better, if colours differ so much there."""
+        return dr.maximum(limit / (CROSSING * area * contrast), FINEST)
+
+    fine = enough(contrast)
 
     def step(low: Any, high: Any, unclear: Any) -> Any:
         middle = 0.5 * (low + high)
         colour, path = look(dr.fma(middle, dx, x), dr.fma(middle, dy, y), mi.Bool(True))
-        at_begin, known = belongs(colour, path, colours, paths, contrast, limit / area)
-        unclear |= ~known & (high - low > 2 * fine)  # in the last step it is too thin to matter
+        at_begin, known, off = belongs(colour, path, colours, paths, contrast, limit / area)
+        # In the last step what lies between is too thin to matter, unless it is off by most of what the two differ.
+        unclear |= ~known & (high - low > dr.minimum(2 * fine, enough(off)))
         return dr.select(at_begin, middle, low), dr.select(at_begin, high, middle), unclear
 
     def goes_on(low: Any, high: Any, unclear: Any) -> Any:

@@ -24,7 +24,7 @@ length.
 LARGEST_SEARCH = 0.125
 """A bulge need not be known any better than this, in sides of the cell, if it is not searched for at all."""
 
-LARGEST_BULGE = 0.25
+LARGEST_BULGE = 0.12
 """A bulge beyond this is not one of a single gentle edge."""
 
 CENTROID = 0.5
@@ -204,7 +204,7 @@ def _look_once(look: Look, task: _Task, phases: _Phases, seen: _Seen) -> _Seen:
     active = seen.phase != _OVER
     colour, path = look(dr.fma(at.x, here.step, here.x), dr.fma(at.y, here.step, here.y), active)
     ends = (parts.mean_a, parts.mean_b), (parts.path_a, parts.path_b)
-    is_a, known = belongs(colour, path, *ends, task.contrast, limit / task.area)
+    is_a, known, _ = belongs(colour, path, *ends, task.contrast, limit / task.area)
 
     further = is_a == (seen.outward > 0)  # the edge is further out than this
     low = dr.select(searching & ~first & further, bulge, seen.low)

@@ -196,9 +196,10 @@ def test_a_cell_that_is_only_checked_takes_its_checks_and_keeps_its_colour(llvm_
     assert np.array_equal(np.array(estimate.error), before[1])
 
 
-@pytest.mark.parametrize(("third", "clear"), [(0.25, False), (0.375, True)])
-def test_a_third_path_counts_unless_only_the_last_step_of_a_search_meets_it(llvm_ad_rgb, third, clear):
-    # An upright edge, and beside it a thin strip. The search looks at 1/2, 1/4 and 3/8, and is done within 1/8.
+@pytest.mark.parametrize(("third", "green", "clear"), [(0.25, 0.5, False), (0.375, 0.5, True), (0.375, 1, False)])
+def test_a_third_path_counts_unless_only_the_last_step_of_a_search_meets_it(llvm_ad_rgb, third, green, clear):
+    # An upright edge, and beside it a thin strip. The search looks at 1/2, 1/4 and 3/8, and is done within 1/8. Of
+    # the 1/4 that is left before the last step, a strip that is off by 1/2 in one channel may fill all, by 1 not.
     from mitsuba_whitted import cells
     from mitsuba_whitted.crossings import CROSSING, crossings, sides
 
@@ -206,7 +207,7 @@ def test_a_third_path_counts_unless_only_the_last_step_of_a_search_meets_it(llvm
         at = x - 5
         strip = dr.abs(at - third) < 0.01
         colour = dr.select(
-            strip, mi.Vector4f(0, 1, 0, 1), dr.select(at > 0.37, mi.Vector4f(1), mi.Vector4f(0, 0, 0, 1))
+            strip, mi.Vector4f(0, green, 0, 1), dr.select(at > 0.37, mi.Vector4f(1), mi.Vector4f(0, 0, 0, 1))
         )
         return colour, dr.select(strip, mi.UInt32(3), dr.select(at > 0.37, mi.UInt32(7), 5))
 
