@@ -33,7 +33,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_whitted import cells
-from mitsuba_whitted.averages import HIDING, average, average_to, enlarged, needed, suffice
+from mitsuba_whitted.averages import HIDING, IN_PARTS, average, average_to, enlarged, needed, suffice
 from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, norm
 from mitsuba_whitted.corners import from_corners
 from mitsuba_whitted.edges import look_closer
@@ -182,6 +182,8 @@ def _refine(
     dr.eval(parts)  # together: one kernel
     numbers, guessed, hides, mixed = map(np.array, parts)
     del of_wrong, parts  # or what they are picked from would be copied where it is written over
+    if depth < DEPTH:
+        guessed *= IN_PARTS
     guessed[hides] *= HIDING
     guessed[mixed] *= UNTOUCHED[Kind.CLUTTER]
     counts = needed(guessed, hides, level)

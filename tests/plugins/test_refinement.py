@@ -226,6 +226,30 @@ def test_averages_where_something_hides_are_expected_to_be_further_off(llvm_ad_r
     assert averages.HIDING > 1
 
 
+def test_averages_in_parts_of_pixels_are_expected_to_be_further_off(llvm_ad_rgb, monkeypatch):
+    from mitsuba_whitted import antialias, averages
+
+    def look(x, y, active):  # many small discs
+        disc = dr.squared_norm(mi.Point2f(x, y) * 1.7 - dr.round(mi.Point2f(x, y) * 1.7)) < 0.1
+        colour = dr.select(disc, mi.Float(1), 0)
+        return mi.Vector4f(colour, colour, colour, 1), dr.select(disc, mi.UInt32(1), 0)
+
+    def expected(factor):
+        asked = []
+        monkeypatch.setattr(antialias, "IN_PARTS", factor)
+        monkeypatch.setattr(antialias, "needed", lambda *some: asked.append(some) or averages.needed(*some))
+        monkeypatch.setattr(antialias, "suffice", lambda _: len(asked) > 1)  # pixels are split, their parts are not
+        drawn(look, 32, 32, 2e-3)
+        pixels, parts = (errors for errors, *_ in asked[:2])
+        return pixels, parts
+
+    (pixels, parts), (same, more) = expected(1.0), expected(3.0)
+    assert len(parts)
+    assert np.array_equal(same, pixels)
+    assert np.array_equal(more, 3 * parts)
+    assert averages.IN_PARTS > 1
+
+
 @pytest.mark.parametrize("slope", [0.15, -0.15, -0.13])
 def test_a_strip_is_followed_from_row_to_row(llvm_ad_rgb, slope):
     # A bright strip of a twentieth of a pixel on black ground, from border to border; corners meet it here and there.
