@@ -22,7 +22,7 @@ from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
-FROZEN = "699a660040722a85c9a8edef51dbeae4fcd4e70e"
+FROZEN = "15c426e2d4a1dfb610c6a6f72049a0e94d35d06a"
 """The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
 here: nobody could know them before.
 """
