@@ -117,11 +117,12 @@ def pixels(look: Look, width: int, top: int, bottom: int) -> Cells:
     across, down = size.x + 1, size.y + 1
     dr.make_opaque(across, down)
 
-    lanes = _lanes(width, height)
-    lane = dr.arange(mi.UInt32, lanes + width + height + 1)
+    # In the order of the pixels, then the right border from the top to the corner, then the lower one.
+    count = _lanes(width, height)
+    lane, lanes = dr.arange(mi.UInt32, count + width + height + 1), opaque(mi.UInt32(count))
     i, j = _along_z_curve(lane, width)
-    beyond = lane - opaque(mi.UInt32(lanes))  # the right border from the top to the corner, then the lower one
-    border, right = lane >= opaque(mi.UInt32(lanes)), beyond < down
+    beyond = lane - lanes
+    border, right = lane >= lanes, beyond < down
     i = dr.select(border, dr.select(right, size.x, beyond - down), i)
     j = dr.select(border, dr.select(right, beyond, size.y), j)
     held = border | ((i < size.x) & (j < size.y))
@@ -131,7 +132,7 @@ def pixels(look: Look, width: int, top: int, bottom: int) -> Cells:
     dr.scatter(colours, colour, j * across + i, held)
     dr.scatter(paths, path, j * across + i, held)
 
-    i, j = _along_z_curve(dr.arange(mi.UInt32, lanes), width)
+    i, j = _along_z_curve(dr.arange(mi.UInt32, count), width)
     inside = (i < size.x) & (j < size.y)
     i, j = dr.minimum(i, size.x - 1), dr.minimum(j, size.y - 1)
     x, y, step = mi.Float(i), mi.Float(j + size.z), opaque(mi.Float(1))
@@ -145,7 +146,7 @@ def _lanes(width: int, height: int) -> int:
 
 
 def _along_z_curve(lane: Any, width: int) -> tuple[Any, Any]:
-    """Columns and rows of a rectangle: square by square, and in each along a Z curve."""
+    """Columns and rows of a rectangle, and more beyond its edges: square by square, and in each along a Z curve."""
     block, inner = lane // (BLOCK * BLOCK), lane % (BLOCK * BLOCK)
     across = opaque(mi.UInt32(-(-width // BLOCK)))
     return block % across * BLOCK + _even_bits(inner), block // across * BLOCK + _even_bits(inner >> 1)
@@ -160,17 +161,19 @@ def _even_bits(x: Any) -> Any:
 
 
 def picked(wanted: Any, edge: Any) -> Any:
-    """Numbers of the wanted cells: in each square of pixels those with an edge come first.
+    """Numbers of the wanted cells: in each run of so many, of pixels a square, those with an edge come first.
 
     They take more samples than others, and a vector as many as the longest of its lanes; yet its rays must stay close.
     """
     run, count = BLOCK * BLOCK, dr.width(wanted)
-    kind = dr.select(wanted, dr.select(edge, mi.UInt32(1), 2), 0)
-    lane = dr.arange(mi.UInt32, 2 * run * -(-count // run))  # each run twice
+    turn = dr.select(wanted, dr.select(edge, mi.UInt32(1), 2), 0)
+    lane = dr.arange(mi.UInt32, 2 * run * -(-count // run))  # each run twice: for edges, then for the others
     cell, other = lane // (2 * run) * run + lane % run, lane // run % 2
-    known = dr.gather(mi.UInt32, kind, cell, cell < opaque(mi.UInt32(count)))
-    place = dr.compress(known == other + 1)
-    return place // (2 * run) * run + place % run if dr.width(place) else place  # no sum of none and one is allowed
+    of_cell = dr.gather(mi.UInt32, turn, cell, cell < opaque(mi.UInt32(count)))
+    place = dr.compress(of_cell == other + 1)
+    if not dr.width(place):  # Dr.Jit divides no array of none by a number
+        return place
+    return place // (2 * run) * run + place % run
 
 
 def quarters(look: Look, cells: Cells, split: Any) -> Cells:

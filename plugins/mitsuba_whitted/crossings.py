@@ -25,7 +25,7 @@ FINEST = 2.0**-10
 
 
 def belongs(colour: Any, path: Any, colours: Any, paths: Any, contrast: Any, limit: Any) -> tuple[Any, Any, Any]:
-    """Tell whether a sample belongs to the first of two paths, whether to one at all, and how far off its colour is."""
+    """Tell whether a sample belongs to the first of two paths, to one at all, and how far it is off the nearer."""
     to_a, to_b = (norm(colour - end) for end in colours)
     off = dr.minimum(to_a, to_b)
     alike = off <= dr.minimum(ALIKE * contrast, ALIKE_ERROR * limit)
@@ -92,18 +92,19 @@ def crossings(look: Look, cells: Cells, close: Any, two: Any, limit: Any) -> Any
     paths = cells.path(side.begin), cells.path(side.end)
     contrast, area = norm(colours[0] - colours[1]), here.step * here.step
 
-    def enough(contrast: Any) -> Any:
-        """Part of a side that need not be known any better, if colours differ so much there."""
-        return dr.maximum(limit / (CROSSING * area * contrast), FINEST)
+    def negligible(difference: Any) -> Any:
+        """Part of a side that does not matter, if colours differ so much there."""
+        return dr.maximum(limit / (CROSSING * area * difference), FINEST)
 
-    fine = enough(contrast)
+    fine = negligible(contrast)
 
     def step(low: Any, high: Any, unclear: Any) -> Any:
         middle = 0.5 * (low + high)
         colour, path = look(dr.fma(middle, dx, x), dr.fma(middle, dy, y), mi.Bool(True))
         at_begin, known, off = belongs(colour, path, colours, paths, contrast, limit / area)
-        # In the last step what lies between is too thin to matter, unless it is off by most of what the two differ.
-        unclear |= ~known & (high - low > dr.minimum(2 * fine, enough(off)))
+        # What lies between fills no more than the step: nothing that matters in the last one, unless it is off by about
+        # as much as the two differ. (For bulges to ask the same changes nothing.)
+        unclear |= ~known & (high - low > dr.minimum(2 * fine, negligible(off)))
         return dr.select(at_begin, middle, low), dr.select(at_begin, high, middle), unclear
 
     def goes_on(low: Any, high: Any, unclear: Any) -> Any:

@@ -25,7 +25,7 @@ LARGEST_SEARCH = 0.125
 """A bulge need not be known any better than this, in sides of the cell, if it is not searched for at all."""
 
 LARGEST_BULGE = 0.12
-"""A bulge beyond this is not one of a single gentle edge."""
+"""A bulge known to be higher than this, in sides, is not one of a single gentle edge."""
 
 CENTROID = 0.5
 """Error, in parts of the contrast and of a part's area, where its colour is taken from corners alone."""

@@ -185,8 +185,8 @@ def test_no_launch_over_all_pixels_is_done_twice(llvm_ad_rgb, scene_of):
     largest = sorted(each["operation_count"] for each in everything)
     # The estimate itself; nothing else over all pixels comes near it.
     assert largest[-2] < largest[-1] / 2
-    hashes = [each["hash"] for each in everything]
-    assert len(set(hashes)) == len(hashes)
+    hashes = [each["hash"] for each in launches if each["size"] >= 96 * 80]  # also of corners, and in picking cells
+    assert len(set(hashes)) == len(hashes) > len(everything)
 
 
 def test_another_target_error_compiles_nothing(llvm_ad_rgb, scene_of):

@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 
-@pytest.mark.parametrize(("width", "top", "bottom"), [(1, 0, 1), (32, 0, 32), (33, 5, 36), (70, 0, 3), (3, 2, 72)])
+@pytest.mark.parametrize(("width", "top", "bottom"), [(1, 0, 1), (64, 0, 32), (33, 5, 36), (70, 0, 3), (3, 2, 72)])
 def test_every_corner_is_sampled_once(llvm_ad_rgb, width, top, bottom):
     from mitsuba_whitted import cells
 
     height = bottom - top
-    taken = dr.zeros(mi.UInt32, (width + 1) * (height + 1))
+    taken, order = dr.zeros(mi.UInt32, (width + 1) * (height + 1)), []
 
     def look(x, y, active):
+        order.append(np.stack([np.array(x), np.array(y) - top], 1))
         number = mi.UInt32(y - top) * (width + 1) + mi.UInt32(x)
         dr.scatter_add(taken, mi.UInt32(1), number, active)
         return mi.Vector4f(x, y, 0, 1), 7 + number
@@ -28,12 +29,19 @@ def test_every_corner_is_sampled_once(llvm_ad_rgb, width, top, bottom):
     inside = np.array(some.inside)
     assert np.count_nonzero(inside) == width * height
     assert len(set(zip(np.array(some.i)[inside], np.array(some.j)[inside], strict=True))) == width * height
+    (places,) = order
+    if width % cells.BLOCK == height % cells.BLOCK == 0:
+        assert len(places) == (width + 1) * (height + 1)  # no lane is idle
+    first = places[: cells.BLOCK**2].astype(int)
+    assert np.all(first < cells.BLOCK)  # neighbours in the first square, packet by packet
+    assert np.all(np.ptp(first.reshape(-1, 16, 2), axis=1) == 3)
 
 
-def test_cells_with_an_edge_come_first_in_each_square(llvm_ad_rgb):
+@pytest.mark.parametrize("count", [500, 3072, 5000])
+def test_cells_with_an_edge_come_first_in_each_square(llvm_ad_rgb, count):
     from mitsuba_whitted.cells import BLOCK, picked
 
-    run, count, rng = BLOCK * BLOCK, 5000, np.random.default_rng(3)
+    run, rng = BLOCK * BLOCK, np.random.default_rng(3)
     wanted, edge = rng.random(count) < 0.3, rng.random(count) < 0.4
     found = np.array(picked(mi.Bool(wanted), mi.Bool(edge)))
     assert np.array_equal(found, sorted(np.flatnonzero(wanted), key=lambda cell: (cell // run, not edge[cell], cell)))

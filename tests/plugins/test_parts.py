@@ -197,7 +197,9 @@ def test_a_cell_that_is_only_checked_takes_its_checks_and_keeps_its_colour(llvm_
 
 
 @pytest.mark.parametrize(("third", "green", "clear"), [(0.25, 0.5, False), (0.375, 0.5, True), (0.375, 1, False)])
-def test_a_third_path_counts_unless_only_the_last_step_of_a_search_meets_it(llvm_ad_rgb, third, green, clear):
+def test_a_third_path_counts_unless_it_is_faint_and_only_the_last_step_of_a_search_meets_it(
+    llvm_ad_rgb, third, green, clear
+):
     # An upright edge, and beside it a thin strip. The search looks at 1/2, 1/4 and 3/8, and is done within 1/8. Of
     # the 1/4 that is left before the last step, a strip that is off by 1/2 in one channel may fill all, by 1 not.
     from mitsuba_whitted import cells
