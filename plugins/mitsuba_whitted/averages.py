@@ -45,8 +45,8 @@ HIDING = 2.0
 
 IN_PARTS = 1.5
 """In parts of pixels averages are further off by this factor, since pixels are split where something is finer than
-their corners tell: halves show 1.6 to 2 times what would be foreseen, but 1 to 1.3 times in fine texture. Where
-something hides in a part, by this factor too; the water level does not know of it.
+their corners tell; in fine texture by less. Where something hides in a part, by this factor too; the water level does
+not know of it.
 """
 
 OF_HIDDEN = 16, 4096

@@ -102,8 +102,8 @@ def crossings(look: Look, cells: Cells, close: Any, two: Any, limit: Any) -> Any
         middle = 0.5 * (low + high)
         colour, path = look(dr.fma(middle, dx, x), dr.fma(middle, dy, y), mi.Bool(True))
         at_begin, known, off = belongs(colour, path, colours, paths, contrast, limit / area)
-        # What lies between fills no more than the step: nothing that matters in the last one, unless it is off by about
-        # as much as the two differ. (For bulges to ask the same changes nothing.)
+        # What lies between fills no more than the step: nothing that matters in the last one, unless it is off by more
+        # than half of what the two differ, or up to all of that where the step is narrow.
         unclear |= ~known & (high - low > dr.minimum(2 * fine, negligible(off)))
         return dr.select(at_begin, middle, low), dr.select(at_begin, high, middle), unclear
 

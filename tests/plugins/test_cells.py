@@ -33,7 +33,7 @@ def test_every_corner_is_sampled_once(llvm_ad_rgb, width, top, bottom):
     if width % cells.BLOCK == height % cells.BLOCK == 0:
         assert len(places) == (width + 1) * (height + 1)  # no lane is idle
     first = places[: cells.BLOCK**2].astype(int)
-    assert np.all(first < cells.BLOCK)  # neighbours in the first square, packet by packet
+    assert np.all(first < cells.BLOCK)  # the first square, and along its Z curve every 16 are one of 4 x 4
     assert np.all(np.ptp(first.reshape(-1, 16, 2), axis=1) == 3)
 
 
