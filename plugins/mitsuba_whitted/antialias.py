@@ -33,7 +33,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_whitted import cells
-from mitsuba_whitted.averages import HIDING, IN_PARTS, average, average_to, enlarged, needed, suffice
+from mitsuba_whitted.averages import IN_PARTS, UNSEEN, average, average_to, enlarged, needed, suffice
 from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, norm
 from mitsuba_whitted.corners import from_corners
 from mitsuba_whitted.edges import look_closer
@@ -178,13 +178,14 @@ def _refine(
     share = dr.select(expected | clutter | unfit, 1, untouched)
     left = _left(estimate, some.inside & ~unfit, share, budget)
     of_wrong = estimate.some(wrong)
-    parts = wrong, of_wrong.error, of_wrong.hides(), of_wrong.kind == Kind.CLUTTER.value
+    one_path, mixed = (of_wrong.kind == kind.value for kind in (Kind.SMOOTH, Kind.CLUTTER))
+    parts = wrong, of_wrong.error, of_wrong.hides(), one_path, mixed
     dr.eval(parts)  # together: one kernel
-    numbers, guessed, hides, mixed = map(np.array, parts)
+    numbers, guessed, hides, one_path, mixed = map(np.array, parts)
     del of_wrong, parts  # or what they are picked from would be copied where it is written over
+    guessed[one_path if depth == DEPTH else hides] *= UNSEEN
     if depth < DEPTH:
         guessed *= IN_PARTS
-    guessed[hides] *= HIDING
     guessed[mixed] *= UNTOUCHED[Kind.CLUTTER]
     counts = needed(guessed, hides, level)
     samples = enlarged(counts, guessed, left)

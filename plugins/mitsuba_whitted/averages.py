@@ -40,8 +40,10 @@ FORESEEN = 0.5
 error at least, of its square in the mean.
 """
 
-HIDING = 2.0
-"""Where something hides, averages are further off by this factor: it is small, and most samples miss it."""
+UNSEEN = 2.0
+"""Where the corners have one path averages are further off by this factor: what is in between, a step or something that
+hides, is mostly small, and samples miss it. In parts of pixels it is only where something hides.
+"""
 
 IN_PARTS = 1.5
 """In parts of pixels averages are further off by this factor, since pixels are split where something is finer than

@@ -213,7 +213,7 @@ def test_averages_where_something_hides_are_expected_to_be_further_off(llvm_ad_r
 
     def expected(factor):
         asked = []
-        monkeypatch.setattr(antialias, "HIDING", factor)
+        monkeypatch.setattr(antialias, "UNSEEN", factor)
         monkeypatch.setattr(antialias, "needed", lambda *some: asked.append(some) or averages.needed(*some))
         drawn(look, 64, 64, 2e-3)
         errors, hides, _ = asked[0]
@@ -223,7 +223,7 @@ def test_averages_where_something_hides_are_expected_to_be_further_off(llvm_ad_r
     assert np.any(hides)
     assert not np.all(hides)
     assert np.array_equal(expected(3.0)[0], np.where(hides, 3, 1) * once)
-    assert averages.HIDING > 1
+    assert averages.UNSEEN > 1
 
 
 def test_averages_in_parts_of_pixels_are_expected_to_be_further_off(llvm_ad_rgb, monkeypatch):

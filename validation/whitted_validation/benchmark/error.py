@@ -15,7 +15,8 @@ from whitted_validation.benchmark import povray, scenes
 from whitted_validation.benchmark.error_curves import Point
 from whitted_validation.benchmark.error_drawing import PEERS, Drawing, Image, Timed, for_peers, pixels
 from whitted_validation.benchmark.error_epsilon import Wrong, shadows
-from whitted_validation.benchmark.error_picture import picture_point, timed
+from whitted_validation.benchmark.error_guard import CHECKS
+from whitted_validation.benchmark.error_picture import busy, picture_point, timed
 from whitted_validation.benchmark.error_povray import by_povray
 from whitted_validation.benchmark.error_schedule import Schedule
 from whitted_validation.benchmark.speed_configurations import Unavailable
@@ -181,9 +182,10 @@ def _curves(
     curves: Curves,
     schedule: Schedule,
     told: Callable[[str], None],
+    guards: bool = True,
     povray_too: bool = False,
 ) -> Iterator[None]:
-    """Measure our own two curves, and those of POV-Ray."""
+    """Measure our own two curves, those of `error_guard`, and those of POV-Ray."""
     told(f"{name}: converged picture")
     drawing = Drawing(file, size=str(curves.size))
     truth, curves.unsure = _converged(drawing, schedule)
@@ -203,7 +205,13 @@ def _curves(
         traced = drawing.rays_to(target) / curves.rays
         point = picture_point(TARGET, target, drawing.to(target), truth, schedule, one, traced, hidden)
         bare = timed(drawing.bare(target), one, curves.size, schedule)
-        curves.points.append(replace(point, bare=bare))
+        curves.points.append(replace(point, bare=bare, busy=busy(drawing.to(target))))
+        yield
+    for (way, checks), target in itertools.product(CHECKS.items() if guards else (), schedule.targets):
+        told(f"{name}: target error {target:g}, {way}")
+        traced = drawing.rays_to(target, checks) / curves.rays
+        draw = drawing.to(target, checks)
+        curves.points.append(picture_point(way, target, draw, truth, schedule, traced=traced, hidden=hidden))
         yield
     if not povray_too:
         return
@@ -233,7 +241,7 @@ def _keep(results: Results, name: str, curves: Curves) -> None:
 def _peers(curves: Curves, schedule: Schedule, folder: Path, told: Callable[[str], None]) -> Iterator[None]:
     """Measure ours and Mitsuba's integrators on the same scene."""
     file = scenes.write("a", folder, SEED, lights=1)
-    yield from _curves("one light", for_peers(file, "independent"), curves, schedule, told)
+    yield from _curves("one light", for_peers(file, "independent"), curves, schedule, told, guards=False)
     for sampler in schedule.samplers:
         drawing = Drawing(for_peers(file, sampler), size=str(curves.size))
         one = Timed(drawing.grid(ONE_SAMPLE), curves.size)

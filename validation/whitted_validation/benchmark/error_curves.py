@@ -27,6 +27,7 @@ class Point:
     cost : time over that of one sample a pixel
     missed : pixels with hidden features whose error is above `MISSED`; None where that was not looked for
     bare : time of tracing the same samples and nothing else, over that of one sample a pixel; None where not taken
+    busy : share of the wall time in which kernels run; None where not taken
     """
 
     way: str
@@ -39,6 +40,7 @@ class Point:
     cost: Comparison | None = None
     missed: int | None = None
     bare: Comparison | None = None
+    busy: float | None = None
 
 
 def cpu(point: Point) -> float:
@@ -61,6 +63,11 @@ def bare_wall(point: Point) -> float:
     return point.bare.wall.median if point.bare else math.nan
 
 
+def kernels_wall(point: Point) -> float:
+    """Wall time in which kernels run: what is left of it is the host's, which records and decides."""
+    return math.nan if point.busy is None else wall(point) * point.busy
+
+
 def rays(point: Point) -> float:
     """Rays likewise."""
     return math.nan if point.rays is None else point.rays
@@ -72,9 +79,6 @@ def largest(point: Point) -> float:
 
 
 Of = Callable[[Point], float]
-
-FLOOR: dict[Of, Of] = {cpu: bare_cpu, wall: bare_wall}
-"""Of each time, that of tracing the same samples and nothing else."""
 
 
 def at_error(points: Iterable[Point], of: Of, rmse: float) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whitted_validation.benchmark.error_bare import bare
+from whitted_validation.benchmark.error_guard import checks_times
 from whitted_validation.benchmark.speed_worker import Facts, Sample
 
 Image = NDArray[np.float32]
@@ -75,10 +76,15 @@ class Drawing:
         picture: Image = (total / count).T.reshape(height, width, -1).astype(np.float32)
         return picture
 
-    def to(self, error: float) -> Draw:
-        """Draw to a target error."""
+    def to(self, error: float, checks: float = 1.0) -> Draw:
+        """Draw to a target error, with so many times the checks: see `error_guard`."""
         self._set(target_error=error)
-        return lambda: self._aimed.integrator().render(self._aimed)
+
+        def draw() -> Any:
+            with checks_times(checks):
+                return self._aimed.integrator().render(self._aimed)
+
+        return draw
 
     def bare(self, error: float) -> Draw:
         """Trace the samples that a target error takes, and nothing else."""
@@ -103,10 +109,11 @@ class Drawing:
         """Count the rays of a grid, of all kinds."""
         return _rays(self._scene.integrator().count_rays(self._scene, spp=n * n))
 
-    def rays_to(self, error: float) -> int:
-        """Count the rays to a target error."""
+    def rays_to(self, error: float, checks: float = 1.0) -> int:
+        """Count the rays to a target error, as `to` draws it."""
         self._set(target_error=error)
-        return _rays(self._aimed.integrator().count_rays(self._aimed))
+        with checks_times(checks):
+            return _rays(self._aimed.integrator().count_rays(self._aimed))
 
     def hidden(self, n: int) -> NDArray[np.bool_]:
         """Find pixels whose four corners have one path, and where a grid of n x n finds another.

@@ -14,7 +14,8 @@ results.json, besides what every command writes
         points one object a picture: way, knob (n, target error, samples, threshold), rmse, p999, largest, flip, rays
             (over those of one sample a pixel), missed (hidden and off by more than 1e-2), cost (time over that of one
             sample a pixel, as `comparison` in results.json of `whitted benchmark speed`), bare (the same of tracing
-            the same samples in one launch and nothing else; null but for target errors)
+            the same samples in one launch and nothing else; null but for target errors), busy (share of the wall time
+            in which kernels run; likewise)
     redrawn    the same of more scenes of these kinds, with their kind; no POV-Ray
     peers      the same of the scene that `path` and `direct` draw alike
     epsilon    points of the textbook's constant; knob is the constant, in world units
@@ -33,7 +34,18 @@ from typing import Any
 
 from whitted_validation import report
 from whitted_validation.benchmark.error import FROZEN, GRID, RANDOM, TARGET, Curves, Results
-from whitted_validation.benchmark.error_curves import Of, Point, at_error, bare_cpu, cheapest, cpu, rays, slope, wall
+from whitted_validation.benchmark.error_curves import (
+    Of,
+    Point,
+    at_error,
+    bare_cpu,
+    cheapest,
+    cpu,
+    kernels_wall,
+    rays,
+    slope,
+    wall,
+)
 from whitted_validation.benchmark.error_drawing import PEERS
 from whitted_validation.benchmark.error_epsilon import Wrong
 from whitted_validation.benchmark.error_povray import METHODS
@@ -43,6 +55,9 @@ from whitted_validation.benchmark.speed_page import plain, targets_table
 from whitted_validation.report import Chart, Group, Section, Sentence, Table
 from whitted_validation.report.sections import Cell, Tone, short
 from whitted_validation.stress.case import percent
+
+PARTS = "wall, its kernels alone", "CPU, its samples alone"
+"""What is known of the times of our own pictures besides."""
 
 AXES: dict[str, Of] = {"rays": rays, "extra rays": extra, "CPU time": cpu}
 
@@ -83,8 +98,8 @@ def _ways(curves: Curves) -> list[str]:
 
 
 def _others(curves: Curves) -> list[list[str]]:
-    """Tell what is drawn beside our own two curves: nothing, and then each peer, POV-Ray in two methods."""
-    by_peer = [[way for way in _ways(curves) if way.startswith(f"{peer},")] for peer in (*PEERS, *METHODS)]
+    """Tell what is drawn beside our own two curves: nothing, then other checks, each peer, POV-Ray in two methods."""
+    by_peer = [[way for way in _ways(curves) if way.startswith(f"{peer},")] for peer in (TARGET, *PEERS, *METHODS)]
     return [[], *(ways for ways in by_peer if ways)]
 
 
@@ -158,7 +173,10 @@ def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]
             "of one sample a pixel of the same scene. Times are medians of pairs, drawn in turn, up to "
             f"{schedule.pairs} of them; CPU time is that of all threads. {_by_povray(results)}"
             "Beside a time stands its floor: that of tracing the same samples alone, as if all were known beforehand, "
-            "all at once and neighbours together. "
+            "all at once and neighbours together; beside a wall time also that of its kernels alone, without what the "
+            "host does in between, mostly recording what they shall do. "
+            "Pixels are checked by samples more for what no corner meets; the same is drawn without such checks, and "
+            "with 16 times as many. "
             "Of several scenes of a kind the median of what each takes counts, and single pictures one by one; POV-Ray "
             "draws the first. The seeds of the scenes come from the number of the commit "
             f"after which no constant of the refinement was changed, `{FROZEN}`."
@@ -211,7 +229,7 @@ def _scene(name: str, curves: Curves, schedule: Schedule) -> Group:
             if len(series) == 2 + len(others):  # nobody counts the rays of `path` and `direct`
                 parts.append(Chart("Error against cost", f"{axis}, one sample a pixel = 1", "RMSE", series))
     rows = [_row(point, id(point) in front) for point in curves.points]
-    errors, costs = ("RMSE", "99.9 %", "worst", "FLIP"), ("rays", "CPU time", "wall time", "CPU, its samples alone")
+    errors, costs = ("RMSE", "99.9 %", "worst", "FLIP"), ("rays", "CPU time", "wall time", *PARTS)
     columns = ["way", "n, E, samples or threshold", *errors, *costs, "missed", ""]
     parts.append(Table(columns, rows, "All pictures; on the front: none is better in both CPU time and RMSE"))
     table: list[list[str | float | Cell]] = [
@@ -239,7 +257,7 @@ def _redrawn(results: Results) -> Group:
 def _row(p: Point, on_front: bool) -> list[str | float | Cell]:
     flip = "not installed" if p.flip is None else p.flip
     missed = "" if p.missed is None else p.missed
-    shown = [("" if x != x else x) for x in (rays(p), cpu(p), wall(p), bare_cpu(p))]
+    shown = [("" if x != x else x) for x in (rays(p), cpu(p), wall(p), kernels_wall(p), bare_cpu(p))]
     return [p.way, p.knob, p.rmse, p.p999, p.largest, flip, *shown, missed, Cell("on the front" * on_front, "good")]
 
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import statistics
+import time
 from typing import Any
 
+import mitsuba_whitted  # noqa: F401  # isort: skip  # before Mitsuba
+import drjit as dr
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,9 +17,13 @@ from whitted_validation.benchmark.error_schedule import Schedule
 from whitted_validation.benchmark.speed_pairs import Comparison, compare
 from whitted_validation.benchmark.speed_pairs import Timed as Clocked
 from whitted_validation.comparison import compare as compare_pictures
+from whitted_validation.render import Stopwatch
 
 MISSED = 1e-2
 """A pixel with a hidden feature is missed if a channel is off by more."""
+
+BUSY = 5
+"""Pictures whose kernels are timed."""
 
 TICK = 0.1
 """A tick of the CPU's clock is at most this share of a sample."""
@@ -41,6 +49,19 @@ def timed(draw: Draw, one: Timed, side: int, schedule: Schedule) -> Comparison:
     """Take the time of a picture beside one sample a pixel."""
     drawing = Timed(draw, side)
     return cost(one, drawing, drawing.facts.one.wall, schedule)
+
+
+def busy(draw: Draw) -> float:
+    """Tell the share of a picture's wall time in which kernels run: the median of some pictures."""
+    shares = []
+    for _ in range(BUSY):
+        began = time.perf_counter()
+        with Stopwatch() as kernels:
+            dr.eval(draw())
+            dr.sync_thread()
+            seconds = time.perf_counter() - began
+        shares.append(kernels.running / seconds)
+    return statistics.median(shares)
 
 
 def cost(one: Timed, other: Clocked, seconds: float, schedule: Schedule) -> Comparison:

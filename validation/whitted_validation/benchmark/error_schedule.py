@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from whitted_validation.benchmark.error_drawing import PEERS
+from whitted_validation.benchmark.error_guard import CHECKS
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,7 @@ class Schedule:
         """Count the steps of `run`."""
         curve = len(self.grids) + len(self.targets)
         peers = curve + 1 + len(self.samplers) * len(PEERS) * len(self.spp)
+        curve += len(CHECKS) * len(self.targets)
         first = len(self.kinds) * (curve + 2 + len(self.povray))
         return first + len(self.kinds) * (self.draws - 1) * (curve + 1) + peers + 1 + self.random + 1
 

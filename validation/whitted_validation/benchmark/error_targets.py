@@ -11,17 +11,20 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from whitted_validation.benchmark.error import GRID, TARGET, Curves, Kept, Results
 from whitted_validation.benchmark.error_curves import (
-    FLOOR,
     Of,
     Point,
     at_error,
+    bare_cpu,
+    bare_wall,
     cheapest,
     cpu,
+    kernels_wall,
     largest,
     rays,
     slope,
     wall,
 )
+from whitted_validation.benchmark.error_guard import CHECKS, NO_CHECKS
 from whitted_validation.benchmark.error_povray import POVRAY
 from whitted_validation.benchmark.error_schedule import FULL
 from whitted_validation.benchmark.speed_targets import Outcome
@@ -66,6 +69,12 @@ LEAST_POVRAY = (("a", 30.0), ("c", 30.0), ("b", 20.0))
 BARE = "tracing the same samples alone"
 """Said of the floor beside a time: see `error_bare`."""
 
+ITS_KERNELS = "its kernels alone"
+"""Said of what a time would be without the host's work."""
+
+PARTS: dict[Of, dict[str, Of]] = {cpu: {BARE: bare_cpu}, wall: {ITS_KERNELS: kernels_wall, BARE: bare_wall}}
+"""Of each time, what it would be at least."""
+
 
 def trusted(curves: Curves, way: str) -> list[Point]:
     """Return the points of a curve that the converged picture can judge: three times as far off as it may be."""
@@ -100,10 +109,18 @@ def outcomes(results: Results) -> Iterator[Outcome]:
 
 def _slope(balls: list[Curves]) -> Outcome:
     target = f"balls: RMSE falls with extra rays more steeply than with power {STEEPEST_GRID:g}"
-    ours, grid = (_all_known(slope(trusted(curves, way), extra) for curves in balls) for way in (TARGET, GRID))
+    first = MOST_RAYS[0][1]
+
+    def slopes(way: str, below: float = math.inf) -> list[float]:
+        return _all_known(slope((p for p in trusted(each, way) if p.rmse <= below), extra) for each in balls)
+
+    ours, grid = slopes(TARGET), slopes(GRID)
     if not ours or not grid:
         return Outcome(target, "", None)
     text = f"{_spread(ours, '{:.2f}')}; grid {statistics.median(grid):.2f}"
+    for way in (TARGET, NO_CHECKS):
+        steep = slopes(way, first)
+        text += f"; {way}, from {first:g} down {_spread(steep, '{:.2f}')}" if steep else ""
     return Outcome(target, text, statistics.median(ours) < STEEPEST_GRID)
 
 
@@ -129,20 +146,23 @@ def _at_most(target: str, drawn: Sequence[Curves], of: Of, rmse: float, most: fl
     if not found:
         return Outcome(target, "", None)
     beside = {"grid": costs(drawn, GRID, of, rmse)}
-    if of in FLOOR:
-        beside[BARE] = costs(drawn, TARGET, FLOOR[of], rmse)
+    if of is rays:
+        beside |= {way: costs(drawn, way, of, rmse) for way in CHECKS}
+    beside |= {what: costs(drawn, TARGET, part, rmse) for what, part in PARTS.get(of, {}).items()}
     text = "".join(f"; {what} {statistics.median(each):.3g}" for what, each in beside.items() if each)
     return Outcome(target, f"{_spread(found)}{text}", statistics.median(found) <= most)
 
 
-def gains(curves: Curves, of: Of, others: Sequence[Point], ours: Of | None = None) -> list[tuple[float, float]]:
-    """Compare with another curve at equal RMSE: our RMSE, and its cost over ours, wherever both curves go.
+def gains(
+    curves: Curves, of: Of, others: Sequence[Point], ours: Of | None = None, way: str = TARGET
+) -> list[tuple[float, float]]:
+    """Compare one of our curves with another at equal RMSE: our RMSE, and its cost over ours, wherever both go.
 
     `ours` is what counts as our cost, if not the same as theirs.
     """
     ours = ours or of
     found = []
-    for point in trusted(curves, TARGET):
+    for point in trusted(curves, way):
         other = at_error(others, of, point.rmse)
         if ours(point) > 0 and not math.isnan(other):
             found.append((point.rmse, other / ours(point)))
@@ -153,7 +173,7 @@ def _povray(curves: Curves | None, target: str, least: float) -> Outcome:
     """Compare with the cheapest of POV-Ray's modes, at the error of each of our pictures."""
     points = [] if curves is None else [p for p in curves.points if p.way.startswith(POVRAY)]
     theirs = cheapest(points, wall)
-    ratios, floors = ([] if curves is None else gains(curves, wall, theirs, ours) for ours in (wall, FLOOR[wall]))
+    ratios, floors = ([] if curves is None else gains(curves, wall, theirs, ours) for ours in (wall, bare_wall))
     text = ", ".join(f"{gain:.3g} at {rmse:.2g}" for rmse, gain in ratios)
     floor = [gain for _, gain in floors]
     text += f"; {BARE} {min(floor):.3g} to {max(floor):.3g}" if floor else ""
@@ -163,14 +183,16 @@ def _povray(curves: Curves | None, target: str, least: float) -> Outcome:
 def _clutter(drawn: Sequence[Curves]) -> Iterator[Outcome]:
     for of, clock in ((cpu, "CPU"), (wall, "wall")):
         target = f"clutter: RMSE {CLUTTER:g} in at most 1/{LEAST_GAIN:g} of the grid's {clock} time"
-        ratios, floors = (
+        ratios, *floors = (
             _all_known(
-                at_error(curves.of(GRID), of, CLUTTER) / at_error(curves.of(TARGET), ours, CLUTTER) for curves in drawn
+                at_error(curves.of(GRID), of, CLUTTER) / at_error(curves.of(TARGET), part, CLUTTER) for curves in drawn
             )
-            for ours in (of, FLOOR[of])
+            for part in (of, *PARTS[of].values())
         )
         if ratios:
-            text = _spread(ratios, "1/{:.3g}") + (f"; {BARE} 1/{statistics.median(floors):.3g}" if floors else "")
+            known = [(what, each) for what, each in zip(PARTS[of], floors, strict=True) if each]
+            text = "".join(f"; {what} 1/{statistics.median(each):.3g}" for what, each in known)
+            text = _spread(ratios, "1/{:.3g}") + text
             yield Outcome(target, text, statistics.median(ratios) >= LEAST_GAIN)
         else:
             yield Outcome(target, "", None)
@@ -178,8 +200,10 @@ def _clutter(drawn: Sequence[Curves]) -> Iterator[Outcome]:
         pairs = [pair for curves in drawn for pair in gains(curves, of, curves.of(GRID))]
         slower = [f"at {rmse:.2g} {1 / gain:.3g} times its time" for rmse, gain in pairs if gain < 1]
         text = f"{len(slower)} of {len(pairs)} pictures slower" + "".join(f"; {each}" for each in slower)
-        alone = [gain for curves in drawn for _, gain in gains(curves, of, curves.of(GRID), FLOOR[of])]
-        text += f"; {BARE} in {sum(gain < 1 for gain in alone)}" if alone else ""
+        for what, part in PARTS[of].items():
+            alone = [pair for curves in drawn for pair in gains(curves, of, curves.of(GRID), part)]
+            too_slow = [f", at {rmse:.2g} {1 / gain:.3g} times" for rmse, gain in alone if gain < 1]
+            text += f"; {what} in {len(too_slow)}{''.join(too_slow)}" if alone else ""
         yield Outcome(target, text if pairs else "", not slower if pairs else None)
 
 
@@ -211,15 +235,20 @@ def _promise(kept: Sequence[Kept]) -> Iterator[Outcome]:
 def _worst(found: dict[str, list[Curves]]) -> Outcome:
     """Compare the worst pixel of each picture with that of the grid at equal RMSE."""
     target = f"worst pixel at most {MOST_WORST:g} times that of the grid of equal RMSE"
-    ratios = [
-        (1 / gain, f"{NAMES[kind]}, seed {curves.seed},", rmse)
-        for kind, drawn in found.items()
-        for curves in drawn
-        for rmse, gain in gains(curves, largest, curves.of(GRID))
-    ]
-    if not ratios:
+    told = []
+    for way in (TARGET, *CHECKS):
+        ratios = [
+            (1 / gain, f"{NAMES[kind]}, seed {curves.seed},", rmse)
+            for kind, drawn in found.items()
+            for curves in drawn
+            for rmse, gain in gains(curves, largest, curves.of(GRID), way=way)
+        ]
+        if ratios:
+            most, which, rmse = max(ratios)
+            above = sum(ratio > MOST_WORST for ratio, *_ in ratios)
+            text = f"{above} of {len(ratios)} pictures worse; at most {most:.3g} times, {which} at {rmse:.2g}"
+            told.append((way, above, text))
+    if not told or told[0][0] != TARGET:
         return Outcome(target, "", None)
-    most, which, rmse = max(ratios)
-    above = sum(ratio > MOST_WORST for ratio, *_ in ratios)
-    text = f"{above} of {len(ratios)} pictures worse; at most {most:.3g} times, {which} at {rmse:.2g}"
-    return Outcome(target, text, not above)
+    (_, above, text), *others = told
+    return Outcome(target, "; ".join([text, *(f"{way}: {of_way}" for way, _, of_way in others)]), not above)
