@@ -42,13 +42,12 @@ error at least, of its square in the mean.
 
 UNSEEN = 2.0
 """Where the corners have one path averages are further off by this factor: what is in between, a step or something that
-hides, is mostly small, and samples miss it. In parts of pixels it is only where something hides.
+hides, is mostly small, and samples miss it.
 """
 
 IN_PARTS = 1.5
 """In parts of pixels averages are further off by this factor, since pixels are split where something is finer than
-their corners tell; in fine texture by less. Where something hides in a part, by this factor too; the water level does
-not know of it.
+their corners tell; in fine texture by less. Where they have one path, by both factors; the water level knows of none.
 """
 
 OF_HIDDEN = 16, 4096

@@ -202,27 +202,33 @@ def test_only_cells_that_were_averaged_over_in_vain_are_split(llvm_ad_rgb, monke
     assert split == averaged
 
 
-def test_averages_where_something_hides_are_expected_to_be_further_off(llvm_ad_rgb, monkeypatch):
+@pytest.mark.parametrize(("of_path", "target"), [(0, 2e-2), (1, 2e-3)])  # with fewer checks less is seen to hide
+def test_averages_of_what_corners_do_not_tell_are_expected_to_be_further_off(llvm_ad_rgb, monkeypatch, of_path, target):
     from mitsuba_whitted import antialias, averages
 
-    # A strip that no corner meets, and an edge of several bends.
+    # A strip that no corner meets, an edge of several bends, and a step like it, the edge of a path or of none.
     def look(x, y, active):
         strip, edge = (dr.abs(y - 10.3) < 0.1) & (x < 40), x + 3 * dr.sin(y) > 45.5
-        colour = dr.select(strip | edge, mi.Float(1), 0)
-        return mi.Vector4f(colour, colour, colour, 1), dr.select(strip, mi.UInt32(2), dr.select(edge, mi.UInt32(1), 0))
+        step = (x + 3 * dr.sin(2 * y) < 14.5) & (y > 20)
+        colour = dr.select(strip | edge | step, mi.Float(1), 0)
+        path = dr.select(edge | step & (of_path > 0), mi.UInt32(1), 0)
+        return mi.Vector4f(colour, colour, colour, 1), dr.select(strip, mi.UInt32(2), path)
 
     def expected(factor):
         asked = []
         monkeypatch.setattr(antialias, "UNSEEN", factor)
         monkeypatch.setattr(antialias, "needed", lambda *some: asked.append(some) or averages.needed(*some))
-        drawn(look, 64, 64, 2e-3)
+        drawn(look, 64, 64, target)
         errors, hides, _ = asked[0]
         return errors, hides
 
-    once, hides = expected(1.0)
+    (errors, hides), (more, _) = expected(1.0), expected(4.0)  # a power of two: without a rounding
+    raised = more == 4 * errors
+    assert np.all(raised | (more == errors))
+    assert np.any(~raised)
     assert np.any(hides)
-    assert not np.all(hides)
-    assert np.array_equal(expected(3.0)[0], np.where(hides, 3, 1) * once)
+    assert np.all(raised[hides])
+    assert np.any(raised[~hides]) == (of_path == 0)
     assert averages.UNSEEN > 1
 
 

@@ -19,8 +19,9 @@ import pytest
 from whitted_validation.benchmark import povray, scenes
 from whitted_validation.benchmark.error import GRID, TARGET, Curves, Kept, Results
 from whitted_validation.benchmark.error_curves import Point, at_error, cheapest, cpu, rays, slope
+from whitted_validation.benchmark.error_guard import CHECKS, NO_CHECKS
 from whitted_validation.benchmark.error_schedule import FULL
-from whitted_validation.benchmark.error_targets import LEAST_SCENES, costs, outcomes
+from whitted_validation.benchmark.error_targets import LEAST_SCENES, MOST_RAYS, costs, outcomes
 from whitted_validation.benchmark.speed_pairs import Comparison, Interval
 from whitted_validation.benchmark.speed_worker import Sample
 
@@ -114,8 +115,47 @@ def test_beside_a_time_stands_that_of_tracing_the_same_samples_alone() -> None:
     ours, alone = (float(part.split("1/")[1]) for part in gain.split(";"))
     assert abs(alone - 2 * ours) <= 0.01 * alone
     (slower,) = [text for target, text in found.items() if "never slower" in target and "CPU" in target]
-    assert slower.endswith("alone in 7")
+    assert slower.split("alone in ")[1].startswith("7, at ")
     assert not any("alone" in text for target, text in found.items() if "the rays" in target)
+
+
+def test_beside_a_wall_time_stands_that_of_its_kernels() -> None:
+    results = measured(factor=100)
+    for curves in results.scenes.values():
+        curves.points = [replace(p, busy=0.25) if p.way == TARGET else p for p in curves.points]
+    found = {outcome.target: outcome.measured for outcome in outcomes(results)}
+    (time,) = [text for target, text in found.items() if "balls" in target and "5 times the wall" in target]
+    ours, kernels = float(time.split(";")[0]), float(time.split("kernels alone")[1])
+    assert abs(kernels - ours / 4) <= 0.01 * ours  # three digits of each are shown
+    (gain,) = [text for target, text in found.items() if "1/2 of the grid's wall" in target]
+    ours, kernels = (float(part.split("1/")[1]) for part in gain.split(";"))
+    assert abs(kernels - 4 * ours) <= 0.01 * kernels
+    (slower,) = [text for target, text in found.items() if "never slower" in target and "wall" in target]
+    pictures = slower.split("kernels alone in ")[1].split(", at ")
+    assert len(pictures) == 1 + int(pictures[0])
+    assert not any("kernels" in text for target, text in found.items() if "CPU" in target or "the rays" in target)
+
+
+def test_beside_rays_slope_and_worst_pixel_stand_those_of_other_checks() -> None:
+    results = measured(worst=3.0)
+    for curves in results.scenes.values():
+        for way, factor, worst in zip(CHECKS, (0.5, 8.0), (5.0, 1.5), strict=True):
+            others = [replace(p, way=way, rays=factor * rays(p), largest=worst) for p in curves.of(TARGET)]
+            curves.points = curves.points + others
+    found = {outcome.target: outcome for outcome in outcomes(results)}
+    of_rays = [outcome.measured for target, outcome in found.items() if "the rays of" in target]
+    assert len(of_rays) == len(MOST_RAYS)
+    for text in of_rays:
+        ours, _, fewer, more = (float(part.split()[-1]) for part in text.split("; "))
+        # Three digits of each are shown: within 1/200.
+        assert abs(fewer / ours - 0.5) <= 0.5 * 2 / 199
+        assert abs(more / ours - 8) <= 8 * 2 / 199
+    (worst,) = [outcome for target, outcome in found.items() if "worst pixel" in target]
+    parts = [part for part in worst.measured.split("; ") if "pictures worse" in part]
+    assert [part.split(" of ")[0].split()[-1] for part in parts] == ["21", "21", "0"]
+    assert worst.verdict == "not met"
+    (steep,) = [outcome.measured for target, outcome in found.items() if "more steeply" in target]
+    assert NO_CHECKS in steep
 
 
 def test_of_several_scenes_the_median_counts() -> None:
@@ -282,6 +322,39 @@ def test_what_path_cannot_draw_is_taken_out_of_the_scene(tmp_path: Path) -> None
     assert [sampler.get("type") for sampler in root.iter("sampler")] == ["stratified"]
 
 
+@needs_llvm
+def test_other_checks_take_other_samples_and_are_taken_back(tmp_path: Path, llvm_ad_rgb: None) -> None:
+    from mitsuba_whitted import hidden
+    from whitted_validation.benchmark.error_drawing import Drawing, pixels
+
+    drawing, before = Drawing(scenes.write("a", tmp_path, 5), size="64"), dict(vars(hidden))
+    counted = [drawing.rays_to(1e-3, checks) for checks in (0.0, 1.0, 16.0)]
+    assert len(set(counted)) == 3
+    assert max(counted) == counted[2]
+    pictures = [pixels(drawing.to(1e-3, checks)) for checks in (16.0, 1.0)]
+    assert not np.array_equal(*pictures)
+    assert np.array_equal(pictures[1], pixels(drawing.to(1e-3)))
+    assert vars(hidden) == before
+
+
+@needs_llvm
+def test_kernels_run_for_a_part_of_the_time(tmp_path: Path, llvm_ad_rgb: None) -> None:
+    import time
+
+    from whitted_validation.benchmark.error_drawing import Drawing
+    from whitted_validation.benchmark.error_picture import busy
+
+    draw = Drawing(scenes.write("a", tmp_path, 5), size="64").grid(4)
+    share = busy(draw)
+    assert 0 < share < 1
+
+    def idle() -> object:
+        time.sleep(0.05)
+        return draw()
+
+    assert busy(idle) < share
+
+
 # ----------------------------------------------------------------------------------------------- the command
 @needs_llvm
 @pytest.mark.slow
@@ -295,7 +368,7 @@ def test_the_quick_benchmark_writes_data_and_a_page(tmp_path: Path) -> None:
     assert [each["kind"] for each in facts["redrawn"]] == ["a"]
     assert facts["redrawn"][0]["seed"] == facts["scenes"]["a"]["seed"] + 1
     points = facts["scenes"]["a"]["points"]
-    ways = {"grid", "target error"}
+    ways = {"grid", "target error", *CHECKS}
     if povray.version() is None:
         assert "scene a: POV-Ray is not installed" in facts["notes"]
     else:
