@@ -23,7 +23,7 @@ from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
-FROZEN = "15c426e2d4a1dfb610c6a6f72049a0e94d35d06a"
+FROZEN = "948cbe8c581c56042d90d02f56276b2dbb14040a"
 """The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
 here: nobody could know them before.
 """
