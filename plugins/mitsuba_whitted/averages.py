@@ -47,7 +47,8 @@ hides, is mostly small, and samples miss it.
 
 IN_PARTS = 1.5
 """In parts of pixels averages are further off by this factor, since pixels are split where something is finer than
-their corners tell; in fine texture by less. Where they have one path, by both factors; the water level knows of none.
+their corners tell; in fine texture by less. Where they have one path, by both factors; the water level knows of
+neither.
 """
 
 OF_HIDDEN = 16, 4096

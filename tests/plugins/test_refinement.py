@@ -202,7 +202,7 @@ def test_only_cells_that_were_averaged_over_in_vain_are_split(llvm_ad_rgb, monke
     assert split == averaged
 
 
-@pytest.mark.parametrize(("of_path", "target"), [(0, 2e-2), (1, 2e-3)])  # with fewer checks less is seen to hide
+@pytest.mark.parametrize(("of_path", "target"), [(0, 2e-2), (1, 2e-3)])  # few checks meet no step, many the strip
 def test_averages_of_what_corners_do_not_tell_are_expected_to_be_further_off(llvm_ad_rgb, monkeypatch, of_path, target):
     from mitsuba_whitted import antialias, averages
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from whitted_validation import random_scenes
 from whitted_validation.benchmark import povray, scenes
+from whitted_validation.benchmark.error_checks import CHECKS
 from whitted_validation.benchmark.error_curves import Point
 from whitted_validation.benchmark.error_drawing import PEERS, Drawing, Image, Timed, for_peers, pixels
 from whitted_validation.benchmark.error_epsilon import Wrong, shadows
-from whitted_validation.benchmark.error_guard import CHECKS
 from whitted_validation.benchmark.error_picture import busy, picture_point, timed
 from whitted_validation.benchmark.error_povray import by_povray
 from whitted_validation.benchmark.error_schedule import Schedule
@@ -182,10 +182,10 @@ def _curves(
     curves: Curves,
     schedule: Schedule,
     told: Callable[[str], None],
-    guards: bool = True,
+    checked: bool = True,
     povray_too: bool = False,
 ) -> Iterator[None]:
-    """Measure our own two curves, those of `error_guard`, and those of POV-Ray."""
+    """Measure our own two curves, those of other checks, and those of POV-Ray."""
     told(f"{name}: converged picture")
     drawing = Drawing(file, size=str(curves.size))
     truth, curves.unsure = _converged(drawing, schedule)
@@ -207,7 +207,7 @@ def _curves(
         bare = timed(drawing.bare(target), one, curves.size, schedule)
         curves.points.append(replace(point, bare=bare, busy=busy(drawing.to(target))))
         yield
-    for (way, checks), target in itertools.product(CHECKS.items() if guards else (), schedule.targets):
+    for (way, checks), target in itertools.product(CHECKS.items() if checked else (), schedule.targets):
         told(f"{name}: target error {target:g}, {way}")
         traced = drawing.rays_to(target, checks) / curves.rays
         draw = drawing.to(target, checks)
@@ -241,7 +241,7 @@ def _keep(results: Results, name: str, curves: Curves) -> None:
 def _peers(curves: Curves, schedule: Schedule, folder: Path, told: Callable[[str], None]) -> Iterator[None]:
     """Measure ours and Mitsuba's integrators on the same scene."""
     file = scenes.write("a", folder, SEED, lights=1)
-    yield from _curves("one light", for_peers(file, "independent"), curves, schedule, told, guards=False)
+    yield from _curves("one light", for_peers(file, "independent"), curves, schedule, told, checked=False)
     for sampler in schedule.samplers:
         drawing = Drawing(for_peers(file, sampler), size=str(curves.size))
         one = Timed(drawing.grid(ONE_SAMPLE), curves.size)

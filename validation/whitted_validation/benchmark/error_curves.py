@@ -27,7 +27,7 @@ class Point:
     cost : time over that of one sample a pixel
     missed : pixels with hidden features whose error is above `MISSED`; None where that was not looked for
     bare : time of tracing the same samples and nothing else, over that of one sample a pixel; None where not taken
-    busy : share of the wall time in which kernels run; None where not taken
+    busy : times of all kernels, in parts of the wall time; None where not taken
     """
 
     way: str
@@ -64,7 +64,10 @@ def bare_wall(point: Point) -> float:
 
 
 def kernels_wall(point: Point) -> float:
-    """Wall time in which kernels run: what is left of it is the host's, which records and decides."""
+    """Sum of the times of its kernels over the wall time of one sample a pixel: without what the host does in between.
+
+    Two kernels that run side by side count twice, and those that run while the host works have fewer cores.
+    """
     return math.nan if point.busy is None else wall(point) * point.busy
 
 

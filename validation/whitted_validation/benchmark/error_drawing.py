@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whitted_validation.benchmark.error_bare import bare
-from whitted_validation.benchmark.error_guard import checks_times
+from whitted_validation.benchmark.error_checks import checks_times
 from whitted_validation.benchmark.speed_worker import Facts, Sample
 
 Image = NDArray[np.float32]
@@ -77,7 +77,7 @@ class Drawing:
         return picture
 
     def to(self, error: float, checks: float = 1.0) -> Draw:
-        """Draw to a target error, with so many times the checks: see `error_guard`."""
+        """Draw to a target error, with so many times the checks: see `error_checks`."""
         self._set(target_error=error)
 
         def draw() -> Any:

@@ -13,9 +13,9 @@ results.json, besides what every command writes
         is missing), and
         points one object a picture: way, knob (n, target error, samples, threshold), rmse, p999, largest, flip, rays
             (over those of one sample a pixel), missed (hidden and off by more than 1e-2), cost (time over that of one
-            sample a pixel, as `comparison` in results.json of `whitted benchmark speed`), bare (the same of tracing
-            the same samples in one launch and nothing else; null but for target errors), busy (share of the wall time
-            in which kernels run; likewise)
+            sample a pixel, as `comparison` in results.json of `whitted benchmark speed`; null with other checks),
+            bare (the same of tracing the same samples in one launch and nothing else; null but for the way `target
+            error`), busy (times of all kernels in parts of the wall time; likewise)
     redrawn    the same of more scenes of these kinds, with their kind; no POV-Ray
     peers      the same of the scene that `path` and `direct` draw alike
     epsilon    points of the textbook's constant; knob is the constant, in world units
@@ -50,14 +50,23 @@ from whitted_validation.benchmark.error_drawing import PEERS
 from whitted_validation.benchmark.error_epsilon import Wrong
 from whitted_validation.benchmark.error_povray import METHODS
 from whitted_validation.benchmark.error_schedule import Schedule
-from whitted_validation.benchmark.error_targets import MOST_RAYS, NAMES, can_judge, extra, outcomes, trusted
+from whitted_validation.benchmark.error_targets import (
+    BARE,
+    ITS_KERNELS,
+    MOST_RAYS,
+    NAMES,
+    can_judge,
+    extra,
+    outcomes,
+    trusted,
+)
 from whitted_validation.benchmark.speed_page import plain, targets_table
 from whitted_validation.report import Chart, Group, Section, Sentence, Table
 from whitted_validation.report.sections import Cell, Tone, short
 from whitted_validation.stress.case import percent
 
-PARTS = "wall, its kernels alone", "CPU, its samples alone"
-"""What is known of the times of our own pictures besides."""
+FLOORS = f"wall, {ITS_KERNELS}", f"CPU, {BARE}"
+"""Columns of a picture's times that stand beside its own."""
 
 AXES: dict[str, Of] = {"rays": rays, "extra rays": extra, "CPU time": cpu}
 
@@ -124,10 +133,11 @@ def lines(results: Results) -> Iterator[str]:
         yield f"scene {name}, {curves.title}, seed {curves.seed}: rays and times over those of one sample a pixel"
         for p in curves.points:
             traced = "" if p.rays is None else short(p.rays)
+            cpu_time, wall_time = (short(of(p)) if p.cost else "" for of in (cpu, wall))
             hidden = "" if p.missed is None else f"  missed {p.missed}"
             yield (
-                f"  {p.way:<26} {p.knob:<7g} RMSE {p.rmse:<9.2e} worst {p.largest:<9.2e} rays {traced:<9} "
-                f"CPU {short(cpu(p)):<8} wall {short(wall(p))}{hidden}"
+                f"  {p.way:<34} {p.knob:<7g} RMSE {p.rmse:<9.2e} worst {p.largest:<9.2e} rays {traced:<9} "
+                f"CPU {cpu_time:<8} wall {wall_time:<8}{hidden}"
             )
     for p in results.epsilon:
         yield f"epsilon {p.knob:<8g} RMSE {p.rmse:.2e} worst {p.largest:.2e}"
@@ -173,10 +183,10 @@ def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]
             "of one sample a pixel of the same scene. Times are medians of pairs, drawn in turn, up to "
             f"{schedule.pairs} of them; CPU time is that of all threads. {_by_povray(results)}"
             "Beside a time stands its floor: that of tracing the same samples alone, as if all were known beforehand, "
-            "all at once and neighbours together; beside a wall time also that of its kernels alone, without what the "
-            "host does in between, mostly recording what they shall do. "
-            "Pixels are checked by samples more for what no corner meets; the same is drawn without such checks, and "
-            "with 16 times as many. "
+            "all at once and neighbours together; beside a wall time also the sum of its kernels' times, without what "
+            "the host does in between, which the time that it is held against keeps. "
+            "Pixels are checked by more samples for what no corner meets; the same is drawn without such checks, and "
+            "with 16 times as many: see `error_checks` for what these leave as it is. "
             "Of several scenes of a kind the median of what each takes counts, and single pictures one by one; POV-Ray "
             "draws the first. The seeds of the scenes come from the number of the commit "
             f"after which no constant of the refinement was changed, `{FROZEN}`."
@@ -226,10 +236,10 @@ def _scene(name: str, curves: Curves, schedule: Schedule) -> Group:
                 fitted = "" if math.isnan(slopes[way][axis]) else f", slope {slopes[way][axis]:.2f}"
                 if points:
                     series[f"{way}{fitted}"] = points
-            if len(series) == 2 + len(others):  # nobody counts the rays of `path` and `direct`
+            if len(series) == 2 + len(others):  # not all rays are counted, nor all times taken
                 parts.append(Chart("Error against cost", f"{axis}, one sample a pixel = 1", "RMSE", series))
     rows = [_row(point, id(point) in front) for point in curves.points]
-    errors, costs = ("RMSE", "99.9 %", "worst", "FLIP"), ("rays", "CPU time", "wall time", *PARTS)
+    errors, costs = ("RMSE", "99.9 %", "worst", "FLIP"), ("rays", "CPU time", "wall time", *FLOORS)
     columns = ["way", "n, E, samples or threshold", *errors, *costs, "missed", ""]
     parts.append(Table(columns, rows, "All pictures; on the front: none is better in both CPU time and RMSE"))
     table: list[list[str | float | Cell]] = [

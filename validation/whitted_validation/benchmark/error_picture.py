@@ -52,7 +52,7 @@ def timed(draw: Draw, one: Timed, side: int, schedule: Schedule) -> Comparison:
 
 
 def busy(draw: Draw) -> float:
-    """Tell the share of a picture's wall time in which kernels run: the median of some pictures."""
+    """Sum up the times of a picture's kernels, in parts of its wall time: the median of some pictures."""
     shares = []
     for _ in range(BUSY):
         began = time.perf_counter()

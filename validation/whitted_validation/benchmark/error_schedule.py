@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from whitted_validation.benchmark.error_checks import CHECKS
 from whitted_validation.benchmark.error_drawing import PEERS
-from whitted_validation.benchmark.error_guard import CHECKS
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,7 @@ class Schedule:
     Attributes
     ----------
     kinds : letters of the scenes
-    draws : how many scenes of each kind; all but the first are drawn by our own two ways only
+    draws : how many scenes of each kind; all but the first are drawn by our own ways only
     size : of their pictures, in pixels
     grids : samples along the side of a pixel
     targets : target errors; close enough that a curve's chords, which lie above it, tell as much as those of the grids
@@ -49,11 +49,11 @@ class Schedule:
 
     def count(self) -> int:
         """Count the steps of `run`."""
-        curve = len(self.grids) + len(self.targets)
-        peers = curve + 1 + len(self.samplers) * len(PEERS) * len(self.spp)
-        curve += len(CHECKS) * len(self.targets)
-        first = len(self.kinds) * (curve + 2 + len(self.povray))
-        return first + len(self.kinds) * (self.draws - 1) * (curve + 1) + peers + 1 + self.random + 1
+        curves = len(self.grids) + len(self.targets)
+        with_checks = curves + len(CHECKS) * len(self.targets)
+        peers = curves + 1 + len(self.samplers) * len(PEERS) * len(self.spp)
+        first = len(self.kinds) * (with_checks + 2 + len(self.povray))
+        return first + len(self.kinds) * (self.draws - 1) * (with_checks + 1) + peers + 1 + self.random + 1
 
 
 FULL = Schedule(

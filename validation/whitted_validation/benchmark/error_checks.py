@@ -1,7 +1,6 @@
-"""What it takes to look for things that no corner of a pixel meets: refinement with more such checks, and with none.
+"""What it takes to look for things that no corner of a pixel meets: refinement with other numbers of such checks.
 
-Where some of what there is to be reached excludes the rest, these two show it: none is the least that finding edges
-takes, and misses what is small; many leave no pixel far off.
+With none, what is left is what finding edges takes; with many, fewer pixels are far off.
 """
 
 from __future__ import annotations
@@ -9,17 +8,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import mitsuba_whitted  # noqa: F401  # isort: skip  # before Mitsuba
-
 NO_CHECKS = "target error, no checks"
 
 CHECKS = {NO_CHECKS: 0.0, "target error, 16 times the checks": 16.0}
-"""Ways to refine, and so many times the checks that each pixel gets otherwise, up to the most for one pixel."""
+"""Ways to refine, and the factor of their checks."""
 
 
 @contextmanager
 def checks_times(factor: float) -> Iterator[None]:
-    """Let refinement take so many times the checks, but where something was found already."""
+    """Let refinement take so many times the checks of each pixel, before it rounds them and up to its most for a pixel.
+
+    Left as they are: those of one pixel in some of clutter, and the least next to where something was found.
+    """
     from mitsuba_whitted import hidden  # its names need a variant
 
     before = {name: getattr(hidden, name) for name in ("NEAR", "ANYWHERE", "FAR")}
