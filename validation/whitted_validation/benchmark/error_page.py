@@ -186,7 +186,7 @@ def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]
             "all at once and neighbours together; beside a wall time also the sum of its kernels' times, without what "
             "the host does in between, which the time that it is held against keeps. "
             "Pixels are checked by more samples for what no corner meets; the same is drawn without such checks, and "
-            "with 16 times as many: see `error_checks` for what these leave as it is. "
+            "with 16 times as many, but for those of some pixels in clutter, and the least next to a find. "
             "Of several scenes of a kind the median of what each takes counts, and single pictures one by one; POV-Ray "
             "draws the first. The seeds of the scenes come from the number of the commit "
             f"after which no constant of the refinement was changed, `{FROZEN}`."
