@@ -52,9 +52,9 @@ from whitted_validation.benchmark.error_povray import METHODS
 from whitted_validation.benchmark.error_schedule import Schedule
 from whitted_validation.benchmark.error_targets import (
     BARE,
-    ITS_KERNELS,
     MOST_RAYS,
     NAMES,
+    OUR_KERNELS,
     can_judge,
     extra,
     outcomes,
@@ -65,7 +65,7 @@ from whitted_validation.report import Chart, Group, Section, Sentence, Table
 from whitted_validation.report.sections import Cell, Tone, short
 from whitted_validation.stress.case import percent
 
-FLOORS = f"wall, {ITS_KERNELS}", f"CPU, {BARE}"
+FLOORS = f"wall, {OUR_KERNELS}", f"CPU, {BARE}"
 """Columns of a picture's times that stand beside its own."""
 
 AXES: dict[str, Of] = {"rays": rays, "extra rays": extra, "CPU time": cpu}

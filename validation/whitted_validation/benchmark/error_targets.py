@@ -63,7 +63,7 @@ STEEPEST_GRID = -1.0
 """Slope of log RMSE over log extra rays that refinement is to beat."""
 
 STEEP_FROM = 1e-3
-"""Slopes are told from this RMSE down as well: far above it corners alone do, which take no extra rays at all."""
+"""Slopes are told from this RMSE down as well: far above it corners alone do, which take hardly any extra rays."""
 
 LEAST_POVRAY = (("a", 30.0), ("c", 30.0), ("b", 20.0))
 """Scene, and the wall time of POV-Ray's best mode over ours at equal RMSE, wherever both curves go."""
@@ -72,10 +72,10 @@ LEAST_POVRAY = (("a", 30.0), ("c", 30.0), ("b", 20.0))
 BARE = "tracing the same samples alone"
 """Said of the floor beside a time: see `error_bare`."""
 
-ITS_KERNELS = "our kernels alone"
+OUR_KERNELS = "our kernels alone"
 """Said of a time without what the host does in between."""
 
-PARTS: dict[Of, dict[str, Of]] = {cpu: {BARE: bare_cpu}, wall: {ITS_KERNELS: kernels_wall, BARE: bare_wall}}
+PARTS: dict[Of, dict[str, Of]] = {cpu: {BARE: bare_cpu}, wall: {OUR_KERNELS: kernels_wall, BARE: bare_wall}}
 """Of each time, what stands beside it."""
 
 
