@@ -179,15 +179,14 @@ def _refine(
     share = dr.select(expected | clutter | unfit, 1, untouched)
     left = _left(estimate, some.inside & ~unfit, share, budget)
     of_wrong = estimate.some(wrong)
-    one_path, mixed = (of_wrong.kind == kind.value for kind in (Kind.SMOOTH, Kind.CLUTTER))
-    parts = wrong, of_wrong.error, of_wrong.hides(), one_path, mixed
+    parts = wrong, of_wrong.error, of_wrong.kind, of_wrong.hides()
     dr.eval(parts)  # together: one kernel
-    numbers, guessed, hides, one_path, mixed = map(np.array, parts)
+    numbers, guessed, kinds, hides = map(np.array, parts)
     del of_wrong, parts  # or what they are picked from would be copied where it is written over
-    guessed[one_path] *= UNSEEN
+    guessed[kinds == Kind.SMOOTH] *= UNSEEN
     if depth < DEPTH:
         guessed *= IN_PARTS
-    guessed[mixed] *= UNTOUCHED[Kind.CLUTTER]
+    guessed[kinds == Kind.CLUTTER] *= UNTOUCHED[Kind.CLUTTER]
     counts = needed(guessed, hides, level)
     samples = enlarged(counts, guessed, left)
     if suffice(samples):

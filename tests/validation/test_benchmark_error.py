@@ -104,18 +104,23 @@ def test_what_is_cheap_enough_is_met_and_what_is_dear_is_not() -> None:
         assert pair == [{"met"}, {"not met"}]
 
 
+def told_beside(found: dict[str, str], clock: str, what: str, share: float) -> None:
+    """See that beside our time for the balls, and its gain in clutter, stands what a part of it takes."""
+    (time,) = [text for target, text in found.items() if "balls" in target and f"5 times the {clock}" in target]
+    ours, part = float(time.split(";")[0]), float(time.split(what)[1])
+    assert abs(part - share * ours) <= 0.01 * ours  # three digits of each are shown
+    (gain,) = [text for target, text in found.items() if f"1/2 of the grid's {clock}" in target]
+    ours, part = (float(each.split("1/")[1]) for each in gain.split(";"))
+    assert abs(part - ours / share) <= 0.01 * part
+
+
 def test_beside_a_time_stands_that_of_tracing_the_same_samples_alone() -> None:
     results = measured(factor=100)
     for curves in results.scenes.values():  # half of what ours takes
         half = [replace(p, bare=point("", 1, cpu(p) / 2).cost) if p.way == TARGET else p for p in curves.points]
         curves.points = half
     found = {outcome.target: outcome.measured for outcome in outcomes(results)}
-    (time,) = [text for target, text in found.items() if "balls" in target and "times the CPU" in target]
-    ours, alone = float(time.split(";")[0]), float(time.split("alone")[1])
-    assert abs(alone - ours / 2) <= 0.01 * ours  # three digits of each are shown
-    (gain,) = [text for target, text in found.items() if "1/2 of the grid's CPU" in target]
-    ours, alone = (float(part.split("1/")[1]) for part in gain.split(";"))
-    assert abs(alone - 2 * ours) <= 0.01 * alone
+    told_beside(found, "CPU", "alone", 0.5)
     (slower,) = [text for target, text in found.items() if "never slower" in target and "CPU" in target]
     assert slower.split("alone slower in ")[1].startswith("7: ")
     assert not any("alone" in text for target, text in found.items() if "the rays" in target)
@@ -127,12 +132,7 @@ def test_beside_a_wall_time_stands_that_of_its_kernels() -> None:
         curves.points = [replace(p, busy=0.25) if p.way == TARGET else p for p in curves.points]
         curves.points += [replace(p, way=f"{POVRAY}, one sample") for p in curves.of(GRID)]
     found = {outcome.target: outcome.measured for outcome in outcomes(results)}
-    (time,) = [text for target, text in found.items() if "balls" in target and "5 times the wall" in target]
-    ours, kernels = float(time.split(";")[0]), float(time.split("kernels alone")[1])
-    assert abs(kernels - ours / 4) <= 0.01 * ours  # three digits of each are shown
-    (gain,) = [text for target, text in found.items() if "1/2 of the grid's wall" in target]
-    ours, kernels = (float(part.split("1/")[1]) for part in gain.split(";"))
-    assert abs(kernels - 4 * ours) <= 0.01 * kernels
+    told_beside(found, "wall", "kernels alone", 0.25)
     # The grid takes 4^k for an RMSE of 4^-1.5k, ours 25 * 4^0.6k: more up to k = 5, 3.2 / 1.74 times there.
     (slower,) = [text for target, text in found.items() if "never slower" in target and "wall" in target]
     count, times = slower.split("kernels alone slower in ")[1].split(": ")
@@ -277,6 +277,10 @@ def test_what_is_wasteful_whatever_all_are_aimed_at_is_told() -> None:
     results.kept[0] = replace(results.kept[0], rmse=0.9e-3)
     (text,) = [each.measured for each in outcomes(results) if "wasteful" in each.target]
     assert text == "2 of 40 wasteful; were all errors 1.33 times as large, 1"
+    without_error = [0.0] * LEAST_SCENES  # and so without a limit to how much larger it may be
+    for results, wasteful in ((keeping(), 0), (keeping(*without_error, rays=1.0), 0), (keeping(*without_error), 30)):
+        (text,) = [each.measured for each in outcomes(results) if "wasteful" in each.target]
+        assert text == f"{wasteful} of 30 wasteful"
 
 
 def test_the_promise_is_not_judged_on_few_scenes_nor_by_unsure_pictures() -> None:
@@ -385,7 +389,7 @@ def test_other_checks_take_other_samples_and_are_taken_back(tmp_path: Path, llvm
 def test_the_times_of_kernels_are_told_in_parts_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     from whitted_validation.benchmark import error_picture
 
-    seconds = [0.0, 0.1, 0.0, 0.2, 0.0, 0.5, 0.0, 0.4, 0.0, 0.3]  # from and to, of five pictures
+    seconds = iter([0.1, 0.2, 0.5, 0.4, 0.3])  # of five pictures
 
     class Kernels:
         running, compiling = 0.03, 1.0
@@ -397,8 +401,9 @@ def test_the_times_of_kernels_are_told_in_parts_of_the_whole(monkeypatch: pytest
             pass
 
     monkeypatch.setattr(error_picture, "Stopwatch", Kernels)
-    monkeypatch.setattr(error_picture, "time", SimpleNamespace(perf_counter=iter(seconds).__next__))
-    assert error_picture.busy(lambda: None) == 0.03 / 0.3
+    pictures = SimpleNamespace(sample=lambda count: Sample(next(seconds) / count, math.nan))
+    monkeypatch.setattr(error_picture, "Timed", lambda draw, side: pictures)
+    assert error_picture.busy(lambda: None, 64) == 0.03 / 0.3
 
 
 # ----------------------------------------------------------------------------------------------- the command

@@ -205,7 +205,7 @@ def _curves(
         traced = drawing.rays_to(target) / curves.rays
         point = picture_point(TARGET, target, drawing.to(target), truth, schedule, one, traced, hidden)
         bare = timed(drawing.bare(target), one, curves.size, schedule)
-        curves.points.append(replace(point, bare=bare, busy=busy(drawing.to(target))))
+        curves.points.append(replace(point, bare=bare, busy=busy(drawing.to(target), curves.size)))
         yield
     for (way, checks), target in itertools.product(CHECKS.items() if checked else (), schedule.targets):
         told(f"{name}: target error {target:g}, {way}")

@@ -5,8 +5,9 @@ With none, what is left is what finding edges takes; with many, fewer pixels are
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
+from typing import Any
+from unittest import mock
 
 NO_CHECKS = "target error, no checks"
 
@@ -14,19 +15,13 @@ CHECKS = {NO_CHECKS: 0.0, "target error, 16 times the checks": 16.0}
 """Ways to refine, and the factor of their checks."""
 
 
-@contextmanager
-def checks_times(factor: float) -> Iterator[None]:
+def checks_times(factor: float) -> AbstractContextManager[Any]:
     """Let refinement take so many times the checks of each pixel, before it rounds them and up to its most for a pixel.
 
     Left as they are: those of one pixel in some of clutter, and the least next to where something was found.
     """
     from mitsuba_whitted import hidden  # its names need a variant
 
-    before = {name: getattr(hidden, name) for name in ("NEAR", "ANYWHERE", "FAR")}
-    for name, share in before.items():
-        setattr(hidden, name, factor * share)
-    try:
-        yield
-    finally:
-        for name, share in before.items():
-            setattr(hidden, name, share)
+    shares = {name: factor * getattr(hidden, name) for name in ("NEAR", "ANYWHERE", "FAR")}
+    patched: AbstractContextManager[Any] = mock.patch.multiple(hidden, **shares)
+    return patched

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import statistics
-import time
 from typing import Any
 
-import mitsuba_whitted  # noqa: F401  # isort: skip  # before Mitsuba
-import drjit as dr
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,16 +48,13 @@ def timed(draw: Draw, one: Timed, side: int, schedule: Schedule) -> Comparison:
     return cost(one, drawing, drawing.facts.one.wall, schedule)
 
 
-def busy(draw: Draw) -> float:
+def busy(draw: Draw, side: int) -> float:
     """Sum up the times of a picture's kernels, in parts of its wall time: the median of some pictures."""
-    shares = []
+    drawing, shares = Timed(draw, side), []
     for _ in range(BUSY):
-        began = time.perf_counter()
         with Stopwatch() as kernels:
-            dr.eval(draw())
-            dr.sync_thread()
-            seconds = time.perf_counter() - began
-        shares.append(kernels.running / seconds)
+            taken = drawing.sample(1)
+        shares.append(kernels.running / taken.wall)
     return statistics.median(shares)
 
 

@@ -173,29 +173,32 @@ def gains(
 
 def _povray(curves: Curves | None, target: str, least: float) -> Outcome:
     """Compare with the cheapest of POV-Ray's modes, at the error of each of our pictures."""
-    points = [] if curves is None else [p for p in curves.points if p.way.startswith(POVRAY)]
-    theirs = cheapest(points, wall)
-    ratios = [] if curves is None else gains(curves, wall, theirs)
+    target = f"{target} at equal RMSE"
+    if curves is None:
+        return Outcome(target, "", None)
+    theirs = cheapest([p for p in curves.points if p.way.startswith(POVRAY)], wall)
+    ratios = gains(curves, wall, theirs)
     text = ", ".join(f"{gain:.3g} at {rmse:.2g}" for rmse, gain in ratios)
     for what, part in PARTS[wall].items():
-        alone = [] if curves is None else [gain for _, gain in gains(curves, wall, theirs, part)]
+        alone = [gain for _, gain in gains(curves, wall, theirs, part)]
         text += f"; {what} {min(alone):.3g} to {max(alone):.3g}" if alone else ""
-    return Outcome(f"{target} at equal RMSE", text, all(g >= least for _, g in ratios) if ratios else None)
+    return Outcome(target, text, all(g >= least for _, g in ratios) if ratios else None)
+
+
+def _of_grid(drawn: Sequence[Curves], of: Of, ours: Of) -> list[float]:
+    """Tell how many times as much as ours the grid takes in clutter, one a scene; nothing if some curve ends before."""
+    ratios = (at_error(curves.of(GRID), of, CLUTTER) / at_error(curves.of(TARGET), ours, CLUTTER) for curves in drawn)
+    return _all_known(ratios)
 
 
 def _clutter(drawn: Sequence[Curves]) -> Iterator[Outcome]:
     for of, clock in ((cpu, "CPU"), (wall, "wall")):
         target = f"clutter: RMSE {CLUTTER:g} in at most 1/{LEAST_GAIN:g} of the grid's {clock} time"
-        ratios, *floors = (
-            _all_known(
-                at_error(curves.of(GRID), of, CLUTTER) / at_error(curves.of(TARGET), part, CLUTTER) for curves in drawn
-            )
-            for part in (of, *PARTS[of].values())
-        )
+        ratios = _of_grid(drawn, of, of)
         if ratios:
-            known = [(what, each) for what, each in zip(PARTS[of], floors, strict=True) if each]
-            text = "".join(f"; {what} 1/{statistics.median(each):.3g}" for what, each in known)
-            text = _spread(ratios, "1/{:.3g}") + text
+            floors = {what: _of_grid(drawn, of, part) for what, part in PARTS[of].items()}
+            beside = "".join(f"; {what} 1/{statistics.median(each):.3g}" for what, each in floors.items() if each)
+            text = _spread(ratios, "1/{:.3g}") + beside
             yield Outcome(target, text, statistics.median(ratios) >= LEAST_GAIN)
         else:
             yield Outcome(target, "", None)
@@ -233,9 +236,11 @@ def _promise(kept: Sequence[Kept]) -> Iterator[Outcome]:
     )
     target = f"and not wasteful: at least {LEAST_USED:g} of it, where a picture takes over {CHEAP:g} times the rays"
     waste = [each for each in kept if each.rmse < LEAST_USED * each.target and each.rays >= CHEAP]
+    text = f"{len(waste)} of {len(kept)} wasteful"
     more = _room(kept)
-    still = sum(more * each.rmse < LEAST_USED * each.target for each in waste)
-    text = f"{len(waste)} of {len(kept)} wasteful; were all errors {more:.3g} times as large, {still}"
+    if waste and more < math.inf:
+        still = sum(more * each.rmse < LEAST_USED * each.target for each in waste)
+        text += f"; were all errors {more:.3g} times as large, {still}"
     yield Outcome(target, text if kept else "", not waste if enough else None)
 
 
@@ -245,8 +250,8 @@ def _room(kept: Sequence[Kept]) -> float:
     As if a larger part of each target were aimed at: what one constant could do.
     """
     parts = sorted(each.rmse / each.target for each in kept)
-    last_kept = parts[math.ceil(LEAST_KEPT * len(parts)) - 1] if parts else math.nan
-    return min(1 / last_kept, MOST_OVER / parts[-1]) if parts else math.nan
+    last_kept = parts[math.ceil(LEAST_KEPT * len(parts)) - 1] if parts else 0
+    return min(1 / last_kept, MOST_OVER / parts[-1]) if last_kept else math.inf
 
 
 def _worst(found: dict[str, list[Curves]]) -> Outcome:
@@ -267,5 +272,7 @@ def _worst(found: dict[str, list[Curves]]) -> Outcome:
         return above, f"{above} of {len(ratios)} pictures worse; at most {most:.3g} times, {which} at {rmse:.2g}"
 
     above, text = worse(TARGET)
-    others = [f"; {way}: {told}" for way in CHECKS for _, told in [worse(way)] if told]
-    return Outcome(target, "".join([text, *others]), not above) if text else Outcome(target, "", None)
+    if not text:
+        return Outcome(target, "", None)
+    others = {way: worse(way)[1] for way in CHECKS}
+    return Outcome(target, text + "".join(f"; {way}: {told}" for way, told in others.items() if told), not above)
