@@ -18,8 +18,9 @@ or the cell is split, whichever takes less (`averages`).
 
 Things that no corner meets show no error. So pixels next to an edge, and some or all others, are checked by samples
 more, the more of them the fewer pixels there are to share the target (`hidden`). Where one finds another colour than
-was expected the pixel is averaged over, and split only as far as its parts bear this out; and the pixels around are
-checked next to that place, and those around these (`places`).
+was expected, the pixels around are checked next to that place, and those around these (`places`). The pixel itself is
+averaged over, and split only as far as its parts bear this out; but if its path is that of the corners and its colour
+near theirs, a bend mostly, it is split like any other.
 
 The target is kept by estimates, not proven; a thing that no sample meets stays unseen.
 """
@@ -125,7 +126,7 @@ def _follow(look: Look, pixels: Cells, estimate: Estimate, known: Any, limit: An
         if not float(dr.sum(found * found)[0]) > WORTH_FOLLOWING * budget:
             break
         known |= surprised
-        places = dr.select(estimate.surprise > 0, estimate.surprise, CENTRE)
+        places = dr.select(estimate.surprise > 0, estimate.surprise // 2, CENTRE)
         most, way = largest_around(pixels, mi.Float(dr.select(surprised, places, 0)))
         follow = dr.select(estimate.error <= limit, following(mi.UInt32(most), way), 0)
         checks = enough(largest_around(pixels, found)[0], budget)
@@ -169,7 +170,7 @@ def _refine(
     closer = (expected | checked) & ~(clutter & expected) & some.inside
     _look(look, some, estimate, closer, checks, opaque(dr.zeros(mi.UInt32, dr.width(checks))), limit)
     if depth == DEPTH:  # an edge that was not found is no surprise; what is met in a cell of one path is
-        known = expected & ~estimate.hides()
+        known = expected & ~estimate.surprised()
         _follow(look, some, estimate, known, limit, budget)
     unfit = (estimate.error > limit) & some.inside
     wrong = dr.compress(unfit)

@@ -45,16 +45,22 @@ class Estimate(NamedTuple):
     """What is expected to be wrong with the colour, times the cell's share of the pixel."""
     kind: Any
     surprise: Any
-    """Number of the place (`places.numbered`) of the sample that met what was not expected; 0 where none did."""
+    """Of the sample that met what was not expected: twice the number of its place (`places.numbered`), and one more
+    where its path was another, or its colour further off than the corners' are from each other. 0 where none did.
+    """
 
     def some(self, cell: Any) -> Estimate:
         """Pick what is known of the cells with these numbers."""
         kinds = mi.Vector4f, mi.Float, mi.UInt32, mi.UInt32
         return Estimate(*(dr.gather(kind, part, cell) for kind, part in zip(kinds, self, strict=True)))
 
-    def hides(self) -> Any:
-        """Tell where something hides: in cells of one path, with a sample that did not fit."""
+    def surprised(self) -> Any:
+        """Tell the cells of one path with a sample that did not fit."""
         return (self.kind == Kind.SMOOTH.value) & (self.surprise > 0)
+
+    def hides(self) -> Any:
+        """Tell where something hides: what that sample met is no bend of what the corners see."""
+        return self.surprised() & (self.surprise % 2 == 1)
 
 
 class Cells(NamedTuple):

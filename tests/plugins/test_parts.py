@@ -286,6 +286,35 @@ def test_what_an_edge_asks_at_its_centroids_counts_as_checks(llvm_ad_rgb):
     assert asked(0) == asked(1) == asked(2) == asked(5) - 3
 
 
+@pytest.mark.parametrize(
+    ("path", "slope", "hides"),
+    [(2, 0.0, True), (2, 0.5, True), (1, 0.5, False), (1, 0.25, False), (1, 0.125, True), (1, 0.0, True)],
+)
+def test_what_checks_meet_hides_if_its_path_is_another_or_no_corner_comes_near(llvm_ad_rgb, path, slope, hides):
+    from mitsuba_whitted import cells
+    from mitsuba_whitted.corners import from_corners
+    from mitsuba_whitted.edges import look_closer
+    from mitsuba_whitted.places import numbered, of_check
+
+    # A disc is brighter by 0.2 than its ground, which brightens by `slope` from the upper to the lower corners.
+    def look(x, y, active):
+        disc = (x - 8.3) ** 2 + (y - 8.4) ** 2 < 0.04
+        grey = slope * (y - 8) + dr.select(disc, mi.Float(0.2), 0)
+        return mi.Vector4f(grey, grey, grey, 1), dr.select(disc, mi.UInt32(path), 1)
+
+    some = cells.pixels(look, 16, 0, 16)
+    estimate, _ = from_corners(some, 1e-3)
+    pixel = dr.compress(some.inside & (some.i == 8) & (some.j == 8))
+    zero, checks = dr.opaque(mi.UInt32, 0, 1), dr.opaque(mi.UInt32, 64, 1)
+    look_closer(look, some, estimate, pixel, checks, zero, dr.opaque(mi.Float, 1e-3))
+    after = estimate.some(pixel)
+    places = [of_check(some.some(pixel), mi.UInt32(k), mi.UInt32(0)) for k in range(1, 65)]
+    met = next(at for at in places if (at.x[0] - 0.3) ** 2 + (at.y[0] - 0.4) ** 2 < 0.04)
+    assert after.surprise[0] == 2 * numbered(met)[0] + hides
+    assert after.surprised()[0]
+    assert after.hides()[0] == hides
+
+
 @pytest.mark.parametrize("limit", [0.01, 0.1])
 def test_a_step_within_one_path_is_as_far_off_as_an_edge_once_it_is_too_much_for_a_bend(llvm_ad_rgb, limit):
     # A corner of the pixel is another facet of one mesh: the centre is off the mean of the corners by a quarter.

@@ -155,9 +155,9 @@ def test_targets_beyond_the_range_of_colours_are_all_or_nothing(llvm_ad_rgb, tar
 
 
 @pytest.mark.parametrize(
-    ("surprised", "error", "stays"), [(False, 1e-3, False), (True, 1e-3, True), (True, 1e-2, False)]
+    ("surprise", "error", "stays"), [(0, 1e-3, False), (2, 1e-3, False), (3, 1e-3, True), (3, 1e-2, False)]
 )
-def test_what_the_parts_of_a_cell_miss_stays_as_it_was_averaged(llvm_ad_rgb, surprised, error, stays):
+def test_what_hides_and_the_parts_of_a_cell_miss_stays_as_it_was_averaged(llvm_ad_rgb, surprise, error, stays):
     from mitsuba_whitted import antialias, cells
     from mitsuba_whitted.corners import from_corners
 
@@ -172,7 +172,7 @@ def test_what_the_parts_of_a_cell_miss_stays_as_it_was_averaged(llvm_ad_rgb, sur
     pixel = mi.UInt32(np.flatnonzero((np.array(some.i) == 2) & (np.array(some.j) == 1)).astype(np.uint32))
     dr.scatter(estimate.value, mi.Vector4f(0.99, 0.99, 0.99, 1), pixel)
     dr.scatter(estimate.error, mi.Float(error), pixel)
-    dr.scatter(estimate.surprise, mi.UInt32(surprised), pixel)
+    dr.scatter(estimate.surprise, mi.UInt32(surprise), pixel)
     none = dr.zeros(mi.UInt32, dr.width(some.inside))
     antialias._split(look, some, estimate, pixel, none, 1e-3, 1e-6, 1)
     found = np.array(estimate.value).reshape(-1, 4)[np.array(pixel), 0]
