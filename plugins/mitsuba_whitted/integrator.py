@@ -25,8 +25,8 @@ from mitsuba_whitted.trace import Traced, trace
 MOST_SAMPLES = 1 << 16
 """Samples a pixel: 256 x 256, where the grid's error has long met that of float32."""
 
-Heard = Callable[[Any, Any, Any], None]
-"""Told of samples while they are traced: x, y (Float, pixels from the corner of the crop window) and a mask."""
+Heard = Callable[[Any, Any, Any, Any], None]
+"""Told of samples while they are traced: x, y (Float, pixels from the corner of the crop window), rays and a mask."""
 
 TERMS = ("ambient", "diffuse", "specular", "shadows", "mirrors")
 
@@ -232,7 +232,7 @@ def define() -> type[mi.SamplingIntegrator]:
             """Count the rays of a picture by tracing it once more: `camera`, `mirror` and `shadow` rays.
 
             With a target error also `cut` ones: mirrors that were not followed since they would add too little; and
-            `heard` is told where the samples are.
+            `heard` is told where the samples are, and the rays of each.
             """
             sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
             stage, camera, plan = self._prepare(scene, sensor)
@@ -242,9 +242,9 @@ def define() -> type[mi.SamplingIntegrator]:
                 def look(x: Any, y: Any, active: Any) -> tuple[Any, Any]:
                     traced = trace(stage, plan, camera.rays(x, y), active)
                     counts = active & (x > -dr.inf)  # as wide as the samples: a constant counts once for all of them
-                    if heard:
-                        heard(x, y, counts)
                     one = mi.UInt32(1)
+                    if heard:
+                        heard(x, y, one + traced.mirror_rays + traced.shadow_rays, counts)
                     for i, rays in enumerate((one, traced.mirror_rays, traced.shadow_rays, traced.cut_rays)):
                         dr.scatter_add(tally, mi.UInt64(rays), mi.UInt32(i), counts)
                     return _four_channels(traced), traced.path

@@ -214,7 +214,7 @@ def test_every_sample_is_counted(llvm_ad_rgb, scene_of):
     aim(scene, 2e-3)
     taken = dr.zeros(mi.UInt32, 1)
 
-    def heard(x, y, active):
+    def heard(x, y, rays, active):
         each = dr.select(x > -dr.inf, mi.UInt32(1), 0)  # one a sample: a constant is added once a launch
         dr.scatter_add(taken, each, mi.UInt32(0), active)
 

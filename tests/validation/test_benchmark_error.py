@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import re
@@ -16,11 +17,13 @@ from mitsuba_whitted import LIBLLVM  # isort: skip  # before Mitsuba
 import mitsuba as mi
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from whitted_validation.benchmark import povray, scenes
 from whitted_validation.benchmark.error import GRID, TARGET, Curves, Kept, Results, run
 from whitted_validation.benchmark.error_checks import CHECKS, NO_CHECKS
 from whitted_validation.benchmark.error_curves import Point, at_error, cheapest, cpu, rays, slope
+from whitted_validation.benchmark.error_oracle import ORACLE, Oracle
 from whitted_validation.benchmark.error_povray import POVRAY
 from whitted_validation.benchmark.error_schedule import FULL, QUICK
 from whitted_validation.benchmark.error_targets import LEAST_SCENES, MOST_RAYS, costs, outcomes
@@ -143,9 +146,10 @@ def test_beside_a_wall_time_stands_that_of_its_kernels() -> None:
     assert not any("kernels" in text for target, text in found.items() if "CPU" in target or "the rays" in target)
 
 
-def test_beside_rays_slope_and_worst_pixel_stand_those_of_other_checks() -> None:
+def test_beside_rays_slope_and_worst_pixel_stand_those_of_other_checks_and_an_oracle() -> None:
     results = measured(worst=3.0)
     for curves in results.scenes.values():
+        curves.points = curves.points + [replace(p, way=ORACLE, rays=0.25 * rays(p)) for p in curves.of(TARGET)]
         for way, factor, worst in zip(CHECKS, (0.5, 8.0), (5.0, 1.5), strict=True):
             others = [replace(p, way=way, rays=factor * rays(p), largest=worst) for p in curves.of(TARGET)]
             curves.points = curves.points + others
@@ -153,10 +157,11 @@ def test_beside_rays_slope_and_worst_pixel_stand_those_of_other_checks() -> None
     of_rays = [outcome.measured for target, outcome in found.items() if "the rays of" in target]
     assert len(of_rays) == len(MOST_RAYS)
     for text in of_rays:
-        ours, _, fewer, more = (float(part.split()[-1]) for part in text.split("; "))
+        ours, _, fewer, more, least = (float(part.split()[-1]) for part in text.split("; "))
         # Three digits of each are shown: within 1/200.
         assert abs(fewer / ours - 0.5) <= 0.5 * 2 / 199
         assert abs(more / ours - 8) <= 8 * 2 / 199
+        assert abs(least / ours - 0.25) <= 0.25 * 2 / 199
     (worst,) = [outcome for target, outcome in found.items() if "worst pixel" in target]
     parts = [part for part in worst.measured.split("; ") if "pictures worse" in part]
     assert [part.split(" of ")[0].split()[-1] for part in parts] == ["21", "21", "0"]
@@ -173,9 +178,23 @@ def test_slopes_are_told_below_an_error_as_well() -> None:
         return [replace(point(way, rmse, 1.0), rays=1 + extra) for extra, rmse in above + below]
 
     results = measured()
-    results.scenes["a"].points = [*bent(-0.8, TARGET), *bent(-1.1, NO_CHECKS), *bent(-0.7, GRID)]
+    results.scenes["a"].points = [*bent(-0.8, TARGET), *bent(-1.1, NO_CHECKS), *bent(-0.7, GRID), *bent(-0.1, ORACLE)]
     (steep,) = [each.measured for each in outcomes(results) if "more steeply" in each.target]
-    assert steep.endswith("from 0.001 down: target error -0.80, target error, no checks -1.10, grid -0.70")
+    assert f"; {ORACLE} {slope(bent(-0.1, ORACLE), lambda p: rays(p) - 1):.2f}; from" in steep
+    assert steep.endswith(f"from 0.001 down: {TARGET} -0.80, {ORACLE} -0.10, {NO_CHECKS} -1.10, {GRID} -0.70")
+
+
+def test_between_two_grids_there_is_none_to_be_slower_than() -> None:
+    results = measured()
+    grids = [point(GRID, 0.1, 1), point(GRID, 0.01, 8), point(GRID, 0.001, 64)]
+    between = 2 * 8**0.5  # the curve of the grids takes the root of 8 at the root of 0.001, and this is twice as much
+    ours = [point(TARGET, 0.001**0.5, between), point(TARGET, 0.01, 8.5), point(TARGET, 0.0011, 64.5)]
+    results.scenes["b"].points = grids + ours
+    told = [each.measured for each in outcomes(results) if "never slower" in each.target]
+    assert len(told) == 2
+    for text in told:
+        assert text.startswith("3 of 3 pictures slower; ")
+        assert "than the fastest grid that is as good 2" in text.split("; ")
 
 
 def test_of_several_scenes_the_median_counts() -> None:
@@ -406,6 +425,46 @@ def test_the_times_of_kernels_are_told_in_parts_of_the_whole(monkeypatch: pytest
     assert error_picture.busy(lambda: None, 64) == 0.03 / 0.3
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_no_choice_of_the_oracles_error_takes_fewer_rays(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    truth = rng.random((2, 2, 3), np.float32)
+    pictures = truth + rng.normal(size=(4, 2, 2, 3)).astype(np.float32) * 2.0 ** -np.arange(4)[:, None, None, None]
+    rays = np.cumsum(rng.integers(1, 9, (4, 2, 2)), axis=0).astype(np.uint32)
+    oracle = Oracle(truth)
+    for each in zip(pictures, rays, strict=True):
+        oracle.learn(*each)
+
+    def rmse(picture: NDArray[np.float32]) -> float:
+        return float(np.sqrt(np.mean((picture.astype(float) - truth) ** 2)))
+
+    pixels = [(i, j) for i in range(2) for j in range(2)]
+    ways = []
+    for which in itertools.product(range(4), repeat=4):
+        mixed = np.array([pictures[k][at] for k, at in zip(which, pixels, strict=True)]).reshape(2, 2, 3)
+        ways.append((rmse(mixed), sum(int(rays[k][at]) for k, at in zip(which, pixels, strict=True))))
+    for bound in (rmse(picture) for picture in pictures):
+        chosen, taken = oracle.choose(bound)
+        assert (rmse(chosen), taken) in ways
+        assert rmse(chosen) <= bound * (1 + 64 * U)  # a mean of twelve squares, and one of four of three
+        assert not any(fewer < taken and error <= rmse(chosen) for error, fewer in ways)
+    best = min(error for error, _ in ways)
+    assert rmse(oracle.choose(0.0)[0]) == best
+
+
+@needs_llvm
+def test_the_rays_of_all_pixels_are_those_of_the_picture(tmp_path: Path, llvm_ad_rgb: None) -> None:
+    from whitted_validation.benchmark.error_drawing import Drawing
+
+    drawing = Drawing(scenes.write("a", tmp_path, 5), size="64")
+    found = drawing.rays_by_pixel(1e-3)
+    assert found.shape == (64, 64)
+    assert found.sum() == drawing.rays_to(1e-3)
+    assert found.min() >= 1  # its upper left corner at least
+    # Sky, where nothing is near, takes one camera ray and checks; edges take more.
+    assert found.max() > 16 * np.median(found)
+
+
 # ----------------------------------------------------------------------------------------------- the command
 @needs_llvm
 @pytest.mark.slow
@@ -427,7 +486,7 @@ def test_the_quick_benchmark_writes_data_and_a_page(tmp_path: Path) -> None:
     assert [each["kind"] for each in facts["redrawn"]] == ["a"]
     assert facts["redrawn"][0]["seed"] == facts["scenes"]["a"]["seed"] + 1
     points = facts["scenes"]["a"]["points"]
-    ways = {"grid", "target error", *CHECKS}
+    ways = {"grid", "target error", *CHECKS, ORACLE}
     if povray.version() is None:
         assert "scene a: POV-Ray is not installed" in facts["notes"]
     else:

@@ -16,7 +16,8 @@ from whitted_validation.benchmark.error_checks import CHECKS
 from whitted_validation.benchmark.error_curves import Point
 from whitted_validation.benchmark.error_drawing import PEERS, Drawing, Image, Timed, for_peers, pixels
 from whitted_validation.benchmark.error_epsilon import Wrong, shadows
-from whitted_validation.benchmark.error_picture import busy, picture_point, timed
+from whitted_validation.benchmark.error_oracle import NO_TARGET, ORACLE, Oracle
+from whitted_validation.benchmark.error_picture import busy, compared, picture_point, timed
 from whitted_validation.benchmark.error_povray import by_povray
 from whitted_validation.benchmark.error_schedule import Schedule
 from whitted_validation.benchmark.speed_configurations import Unavailable
@@ -185,7 +186,7 @@ def _curves(
     checked: bool = True,
     povray_too: bool = False,
 ) -> Iterator[None]:
-    """Measure our own two curves, those of other checks, and those of POV-Ray."""
+    """Measure our own two curves, those of other checks and of an oracle, and those of POV-Ray."""
     told(f"{name}: converged picture")
     drawing = Drawing(file, size=str(curves.size))
     truth, curves.unsure = _converged(drawing, schedule)
@@ -213,6 +214,15 @@ def _curves(
         draw = drawing.to(target, checks)
         curves.points.append(picture_point(way, target, draw, truth, schedule, traced=traced, hidden=hidden))
         yield
+    if checked:
+        told(f"{name}: an oracle")
+        oracle = Oracle(truth)
+        for target in (NO_TARGET, *schedule.targets):
+            oracle.learn(pixels(drawing.to(target)), drawing.rays_by_pixel(target))
+        for point in curves.of(TARGET):
+            picture, traced = oracle.choose(point.rmse)
+            curves.points.append(compared(ORACLE, point.knob, picture, truth, None, traced / curves.rays, hidden))
+            yield
     if not povray_too:
         return
     try:

@@ -46,7 +46,7 @@ def samples(scene: Any) -> NDArray[np.float32]:
     count = integrator.count_rays(scene)["camera"]
     found, used = dr.empty(mi.Float, 2 * count), dr.zeros(mi.UInt32, 1)
 
-    def note(x: Any, y: Any, active: Any) -> None:
+    def note(x: Any, y: Any, _rays: Any, active: Any) -> None:
         place = dr.scatter_inc(used, mi.UInt32(0), active)  # in any order: it is sorted below
         dr.scatter(found, mi.Point2f(x, y), place, active)
 

@@ -115,6 +115,23 @@ class Drawing:
         with checks_times(checks):
             return _rays(self._aimed.integrator().count_rays(self._aimed))
 
+    def rays_by_pixel(self, error: float) -> NDArray[np.uint32]:
+        """Count the rays to a target error, (height, width), each with the pixel that its sample lies in.
+
+        Corners are those of the pixel to their lower right; at the borders samples belong to the nearest pixel.
+        """
+        self._set(target_error=error)
+        width, height = (int(size) for size in self._aimed.sensors()[0].film().crop_size())
+        found = dr.zeros(mi.UInt32, width * height)
+
+        def note(x: Any, y: Any, rays: Any, active: Any) -> None:
+            column, row = (mi.UInt32(dr.clip(at, 0, last)) for at, last in ((x, width - 1), (y, height - 1)))
+            dr.scatter_add(found, mi.UInt32(rays), row * width + column, active)
+
+        self._aimed.integrator().count_rays(self._aimed, heard=note)
+        by_pixel: NDArray[np.uint32] = np.array(found).reshape(height, width)
+        return by_pixel
+
     def hidden(self, n: int) -> NDArray[np.bool_]:
         """Find pixels whose four corners have one path, and where a grid of n x n finds another.
 

@@ -50,10 +50,10 @@ class Schedule:
     def count(self) -> int:
         """Count the steps of `run`."""
         curves = len(self.grids) + len(self.targets)
-        with_checks = curves + len(CHECKS) * len(self.targets)
+        with_others = curves + (len(CHECKS) + 1) * len(self.targets)  # and an oracle
         peers = curves + 1 + len(self.samplers) * len(PEERS) * len(self.spp)
-        first = len(self.kinds) * (with_checks + 2 + len(self.povray))
-        return first + len(self.kinds) * (self.draws - 1) * (with_checks + 1) + peers + 1 + self.random + 1
+        first = len(self.kinds) * (with_others + 2 + len(self.povray))
+        return first + len(self.kinds) * (self.draws - 1) * (with_others + 1) + peers + 1 + self.random + 1
 
 
 FULL = Schedule(

@@ -25,6 +25,7 @@ from whitted_validation.benchmark.error_curves import (
     slope,
     wall,
 )
+from whitted_validation.benchmark.error_oracle import ORACLE
 from whitted_validation.benchmark.error_povray import POVRAY
 from whitted_validation.benchmark.error_schedule import FULL
 from whitted_validation.benchmark.speed_targets import Outcome
@@ -120,7 +121,9 @@ def _slope(balls: list[Curves]) -> Outcome:
     if not ours or not grid:
         return Outcome(target, "", None)
     text = f"{_spread(ours, '{:.2f}')}; grid {statistics.median(grid):.2f}"
-    below = {way: slopes(way, STEEP_FROM) for way in (TARGET, NO_CHECKS, GRID)}
+    chosen = slopes(ORACLE)
+    text += f"; {ORACLE} {_spread(chosen, '{:.2f}')}" if chosen else ""
+    below = {way: slopes(way, STEEP_FROM) for way in (TARGET, ORACLE, NO_CHECKS, GRID)}
     told = ", ".join(f"{way} {_spread(found, '{:.2f}')}" for way, found in below.items() if found)
     text += f"; from {STEEP_FROM:g} down: {told}" if told else ""
     return Outcome(target, text, statistics.median(ours) < STEEPEST_GRID)
@@ -149,7 +152,7 @@ def _at_most(target: str, drawn: Sequence[Curves], of: Of, rmse: float, most: fl
         return Outcome(target, "", None)
     beside = {"grid": costs(drawn, GRID, of, rmse)}
     if of is rays:
-        beside |= {way: costs(drawn, way, of, rmse) for way in CHECKS}
+        beside |= {way: costs(drawn, way, of, rmse) for way in (*CHECKS, ORACLE)}
     beside |= {what: costs(drawn, TARGET, part, rmse) for what, part in PARTS.get(of, {}).items()}
     text = "".join(f"; {what} {statistics.median(each):.3g}" for what, each in beside.items() if each)
     return Outcome(target, f"{_spread(found)}{text}", statistics.median(found) <= most)
@@ -206,12 +209,26 @@ def _clutter(drawn: Sequence[Curves]) -> Iterator[Outcome]:
         pairs = [pair for curves in drawn for pair in gains(curves, of, curves.of(GRID))]
         slower = [f"at {rmse:.2g} {1 / gain:.3g} times its time" for rmse, gain in pairs if gain < 1]
         text = f"{len(slower)} of {len(pairs)} pictures slower" + "".join(f"; {each}" for each in slower)
+        text += f"; than the fastest grid that is as good {_than_drawn(drawn, of)}" if pairs else ""
         for what, part in PARTS[of].items():
             alone = [pair for curves in drawn for pair in gains(curves, of, curves.of(GRID), part)]
             too_slow = [f"{1 / gain:.3g} times at {rmse:.2g}" for rmse, gain in alone if gain < 1]
             text += f"; {what} slower in {len(too_slow)}" if alone else ""
             text += f": {', '.join(too_slow)}" if too_slow else ""
         yield Outcome(target, text if pairs else "", not slower if pairs else None)
+
+
+def _than_drawn(drawn: Sequence[Curves], of: Of) -> int:
+    """Count our pictures that take longer than the fastest picture of a grid with no larger RMSE.
+
+    Between two grids there is none: a curve through both is faster than what anybody can draw.
+    """
+    count = 0
+    for curves in drawn:
+        for point in trusted(curves, TARGET):
+            as_good = [of(grid) for grid in curves.of(GRID) if grid.rmse <= point.rmse and of(grid) > 0]
+            count += bool(as_good) and of(point) > min(as_good)
+    return count
 
 
 def can_judge(kept: Kept) -> bool:
