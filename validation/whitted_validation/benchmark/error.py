@@ -24,7 +24,7 @@ from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
-FROZEN = "948cbe8c581c56042d90d02f56276b2dbb14040a"
+FROZEN = "5fed3e7bc911a12e35feee7338c20d9cdaacede8"
 """The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
 here: nobody could know them before.
 """
