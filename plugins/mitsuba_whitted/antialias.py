@@ -19,8 +19,9 @@ or the cell is split, whichever takes less (`averages`).
 Things that no corner meets show no error. So pixels next to an edge, and some or all others, are checked by samples
 more, the more of them the fewer pixels there are to share the target (`hidden`). Where one finds another colour than
 was expected, the pixels around are checked next to that place, and those around these (`places`). The pixel itself is
-averaged over, and split only as far as its parts bear this out; but if its path is that of the corners and its colour
-near theirs, a bend mostly, it is split like any other.
+averaged over, and split only as far as its parts bear this out. But where the sample has the path of the corners and is
+no further off than their colours range, it is mostly a bend, and the pixel is split like any other; each of its parts
+gets half of its checks.
 
 The target is kept by estimates, not proven; a thing that no sample meets stays unseen.
 """
@@ -121,13 +122,13 @@ def refined(look: Look, width: int, top: int, bottom: int, target: float) -> Ban
 def _follow(look: Look, pixels: Cells, estimate: Estimate, known: Any, limit: Any, budget: float) -> None:
     """Where something was hidden, and not `known`, look for more of it in the pixels around, and around these."""
     for _ in range(FOLLOWED):
-        surprised = pixels.inside & (estimate.error > limit) & ~known
-        found = dr.select(surprised, estimate.error, 0)
+        new = pixels.inside & (estimate.error > limit) & ~known
+        found = dr.select(new, estimate.error, 0)
         if not float(dr.sum(found * found)[0]) > WORTH_FOLLOWING * budget:
             break
-        known |= surprised
-        places = dr.select(estimate.surprise > 0, estimate.surprise // 2, CENTRE)
-        most, way = largest_around(pixels, mi.Float(dr.select(surprised, places, 0)))
+        known |= new
+        places = dr.select(estimate.surprise > 0, estimate.place(), CENTRE)
+        most, way = largest_around(pixels, mi.Float(dr.select(new, places, 0)))
         follow = dr.select(estimate.error <= limit, following(mi.UInt32(most), way), 0)
         checks = enough(largest_around(pixels, found)[0], budget)
         dr.eval(known, follow, checks)  # else every round would be another kernel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -45,21 +46,31 @@ class Estimate(NamedTuple):
     """What is expected to be wrong with the colour, times the cell's share of the pixel."""
     kind: Any
     surprise: Any
-    """Of the sample that met what was not expected: twice the number of its place (`places.numbered`), and one more
-    where its path was another, or its colour further off than the corners' are from each other. 0 where none did.
-    """
+    """What a sample met that was not expected: see `met`; 0 where none did. A look ends with the first such sample."""
 
     def some(self, cell: Any) -> Estimate:
         """Pick what is known of the cells with these numbers."""
         kinds = mi.Vector4f, mi.Float, mi.UInt32, mi.UInt32
         return Estimate(*(dr.gather(kind, part, cell) for kind, part in zip(kinds, self, strict=True)))
 
+    @staticmethod
+    def met(place: Any, hides: Any) -> Any:
+        """Tell by one number the place (`places.numbered`) of a sample that did not fit, and whether something hides.
+
+        It does if its path was another, or its colour further off than the corners' range. Else it is mostly a bend.
+        """
+        return 2 * place + dr.select(hides, mi.UInt32(1), 0)
+
+    def place(self) -> Any:
+        """Tell the number of the place where a sample did not fit; 0 where all did."""
+        return self.surprise // 2
+
     def surprised(self) -> Any:
         """Tell the cells of one path with a sample that did not fit."""
         return (self.kind == Kind.SMOOTH.value) & (self.surprise > 0)
 
     def hides(self) -> Any:
-        """Tell where something hides: what that sample met is no bend of what the corners see."""
+        """Tell those of them where something hides, and is no bend."""
         return self.surprised() & (self.surprise % 2 == 1)
 
 
@@ -104,6 +115,11 @@ class Cells(NamedTuple):
     def corners(self) -> list[Any]:
         """Numbers of the samples at the corners, clockwise from the upper left."""
         return [self.corner, self.corner + 1, self.corner + self.across + 1, self.corner + self.across]
+
+
+def extent(colours: list[Any]) -> tuple[Any, Any]:
+    """Least and greatest of each channel."""
+    return functools.reduce(dr.minimum, colours), functools.reduce(dr.maximum, colours)
 
 
 def square(c: Any) -> Any:

@@ -8,7 +8,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_whitted.cells import MOST_IN_A_ROW, Cells, Estimate, Kind, norm, square
+from mitsuba_whitted.cells import MOST_IN_A_ROW, Cells, Estimate, Kind, extent, norm, square
 from mitsuba_whitted.tables import opaque
 from mitsuba_whitted.water import Histogram, counts, histogram
 
@@ -38,9 +38,7 @@ def from_corners(some: Cells, target: float) -> tuple[Estimate, Histogram]:
     edge_or_clutter = dr.select(crossed == 2, mi.UInt32(Kind.EDGE.value), Kind.CLUTTER.value)
     kind = dr.select(crossed == 0, mi.UInt32(Kind.SMOOTH.value), edge_or_clutter)
 
-    low = dr.minimum(dr.minimum(colours[0], colours[1]), dr.minimum(colours[2], colours[3]))
-    high = dr.maximum(dr.maximum(colours[0], colours[1]), dr.maximum(colours[2], colours[3]))
-    low, high = _range_around(some, crossed > 3, low, high)
+    low, high = _range_around(some, crossed > 3, *extent(colours))
     of_range = dr.select((crossed != 0) | (some.step < 1), mi.Float(OF_RANGE), 0)
     error = some.step * some.step * dr.maximum(_bend(some), norm(high - low) * of_range)
     count = dr.width(some.x)

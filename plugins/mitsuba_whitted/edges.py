@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, norm
+from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, extent, norm
 from mitsuba_whitted.corners import OF_RANGE
 from mitsuba_whitted.crossings import FINEST, belongs, crossings
 from mitsuba_whitted.parts import Parts, cut
@@ -80,7 +79,7 @@ class _Task(NamedTuple):
     limit: Any
     """Of the error."""
     span: Any
-    """Range of the colours at the corners."""
+    """Range of the colours at the corners, the root of the mean square over the channels."""
 
     def phases(self) -> _Phases:
         """Tell what is to be done."""
@@ -148,7 +147,7 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     of_bulge = BULGE * weight * parts.length
     fine = dr.maximum(limit / of_bulge, FINEST)
     of_corners = sum(parts.corners) * 0.25
-    low, high = (functools.reduce(end, parts.corners) for end in (dr.minimum, dr.maximum))
+    low, high = extent(parts.corners)
     ask_a, ask_b = (CENTROID * weight * part > limit for part in (parts.area_a, 1 - parts.area_a))
     # What is asked anyway, at centroids or in the centre, counts as checks.
     asked = sum(dr.select(each, mi.UInt32(1), 0) for each in (is_edge & ask_a, is_edge & ask_b, bent))
@@ -223,7 +222,7 @@ def _look_once(look: Look, task: _Task, phases: _Phases, seen: _Seen) -> _Seen:
     unlike, distance = _unlike(task, seen, at, colour, is_a, known)
     another = (task.before.kind == Kind.CLUTTER.value) | ((path != parts.path_a) & (path != parts.path_b))
     failed |= (checking | (central & another)) & unlike
-    hidden = another | (distance > task.span)  # what is of one path and nearer is mostly a bend
+    hides = another | (distance > task.span)
     after_check = dr.select(checking & (k >= task.checks), mi.UInt32(_OVER), phases.after_centroids)
     after = dr.select(seen.phase == _AT_A, phases.after_a, after_check)
     after = dr.select(searching, dr.select(found, phases.after_search, seen.phase), after)
@@ -233,7 +232,7 @@ def _look_once(look: Look, task: _Task, phases: _Phases, seen: _Seen) -> _Seen:
         colour_b=dr.select(seen.phase == _AT_B, colour, seen.colour_b),
         failed=failed,
         off=dr.maximum(seen.off, dr.select(failed, distance, 0)),
-        surprise=dr.select(failed, 2 * numbered(at) + dr.select(hidden, mi.UInt32(1), 0), seen.surprise),
+        surprise=dr.select(failed, Estimate.met(numbered(at), hides), seen.surprise),
     )
 
 

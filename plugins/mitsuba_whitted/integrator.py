@@ -26,7 +26,9 @@ MOST_SAMPLES = 1 << 16
 """Samples a pixel: 256 x 256, where the grid's error has long met that of float32."""
 
 Heard = Callable[[Any, Any, Any, Any], None]
-"""Told of samples while they are traced: x, y (Float, pixels from the corner of the crop window), rays and a mask."""
+"""Told of samples while they are traced: x, y (Float, pixels from the corner of the crop window), their rays of all
+kinds (UInt32, the camera's included) and a mask.
+"""
 
 TERMS = ("ambient", "diffuse", "specular", "shadows", "mirrors")
 

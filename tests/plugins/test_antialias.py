@@ -212,13 +212,16 @@ def test_one_colour_takes_one_ray_a_corner_and_stays_exact(llvm_ad_rgb, scene_of
 def test_every_sample_is_counted(llvm_ad_rgb, scene_of):
     scene = scene_of(BODY, size=(32, 32))
     aim(scene, 2e-3)
-    taken = dr.zeros(mi.UInt32, 1)
+    taken = dr.zeros(mi.UInt32, 2)
 
     def heard(x, y, rays, active):
         each = dr.select(x > -dr.inf, mi.UInt32(1), 0)  # one a sample: a constant is added once a launch
         dr.scatter_add(taken, each, mi.UInt32(0), active)
+        dr.scatter_add(taken, each * rays, mi.UInt32(1), active)
 
-    assert scene.integrator().count_rays(scene, heard=heard)["camera"] == taken[0] > 33 * 33
+    counted = scene.integrator().count_rays(scene, heard=heard)
+    assert counted["camera"] == taken[0] > 33 * 33
+    assert counted["camera"] + counted["mirror"] + counted["shadow"] == taken[1] > taken[0]
 
 
 @pytest.mark.parametrize("size", [(1, 1), (2, 1), (1, 3), (3, 2), (65, 4)])

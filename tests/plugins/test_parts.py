@@ -287,20 +287,23 @@ def test_what_an_edge_asks_at_its_centroids_counts_as_checks(llvm_ad_rgb):
 
 
 @pytest.mark.parametrize(
-    ("path", "slope", "hides"),
-    [(2, 0.0, True), (2, 0.5, True), (1, 0.5, False), (1, 0.25, False), (1, 0.125, True), (1, 0.0, True)],
+    ("path", "slope", "channels", "hides"),
+    [(2, 0.0, 3, True), (2, 0.5, 3, True), (1, 0.3, 3, False), (1, 0.3, 1, True), (1, 0.1, 3, True), (1, 0.0, 3, True)],
 )
-def test_what_checks_meet_hides_if_its_path_is_another_or_no_corner_comes_near(llvm_ad_rgb, path, slope, hides):
+def test_what_checks_meet_hides_if_its_path_is_another_or_it_is_further_off_than_the_corners_range(
+    llvm_ad_rgb, path, slope, channels, hides
+):
     from mitsuba_whitted import cells
     from mitsuba_whitted.corners import from_corners
     from mitsuba_whitted.edges import look_closer
     from mitsuba_whitted.places import numbered, of_check
 
-    # A disc is brighter by 0.2 than its ground, which brightens by `slope` from the upper to the lower corners.
+    # A disc is brighter by 0.2 than its ground, which brightens by `slope` from the upper corners to the lower: grey,
+    # or in red alone, which is a range of 0.17.
     def look(x, y, active):
         disc = (x - 8.3) ** 2 + (y - 8.4) ** 2 < 0.04
-        grey = slope * (y - 8) + dr.select(disc, mi.Float(0.2), 0)
-        return mi.Vector4f(grey, grey, grey, 1), dr.select(disc, mi.UInt32(path), 1)
+        red, others = (slope * (y - 8) * here + dr.select(disc, mi.Float(0.2), 0) for here in (1, channels == 3))
+        return mi.Vector4f(red, others, others, 1), dr.select(disc, mi.UInt32(path), 1)
 
     some = cells.pixels(look, 16, 0, 16)
     estimate, _ = from_corners(some, 1e-3)

@@ -183,10 +183,10 @@ def _curves(
     curves: Curves,
     schedule: Schedule,
     told: Callable[[str], None],
-    checked: bool = True,
+    others: bool = True,
     povray_too: bool = False,
 ) -> Iterator[None]:
-    """Measure our own two curves, those of other checks and of an oracle, and those of POV-Ray."""
+    """Measure our own two curves, if asked for those of other checks and of an oracle, and those of POV-Ray."""
     told(f"{name}: converged picture")
     drawing = Drawing(file, size=str(curves.size))
     truth, curves.unsure = _converged(drawing, schedule)
@@ -208,17 +208,16 @@ def _curves(
         bare = timed(drawing.bare(target), one, curves.size, schedule)
         curves.points.append(replace(point, bare=bare, busy=busy(drawing.to(target), curves.size)))
         yield
-    for (way, checks), target in itertools.product(CHECKS.items() if checked else (), schedule.targets):
+    for (way, checks), target in itertools.product(CHECKS.items() if others else (), schedule.targets):
         told(f"{name}: target error {target:g}, {way}")
         traced = drawing.rays_to(target, checks) / curves.rays
         draw = drawing.to(target, checks)
         curves.points.append(picture_point(way, target, draw, truth, schedule, traced=traced, hidden=hidden))
         yield
-    if checked:
+    if others:
         told(f"{name}: an oracle")
-        oracle = Oracle(truth)
-        for target in (NO_TARGET, *schedule.targets):
-            oracle.learn(pixels(drawing.to(target)), drawing.rays_by_pixel(target))
+        choice = NO_TARGET, *schedule.targets
+        oracle = Oracle(truth, [pixels(drawing.to(t)) for t in choice], [drawing.rays_by_pixel(t) for t in choice])
         for point in curves.of(TARGET):
             picture, traced = oracle.choose(point.rmse)
             curves.points.append(compared(ORACLE, point.knob, picture, truth, None, traced / curves.rays, hidden))
@@ -251,7 +250,7 @@ def _keep(results: Results, name: str, curves: Curves) -> None:
 def _peers(curves: Curves, schedule: Schedule, folder: Path, told: Callable[[str], None]) -> Iterator[None]:
     """Measure ours and Mitsuba's integrators on the same scene."""
     file = scenes.write("a", folder, SEED, lights=1)
-    yield from _curves("one light", for_peers(file, "independent"), curves, schedule, told, checked=False)
+    yield from _curves("one light", for_peers(file, "independent"), curves, schedule, told, others=False)
     for sampler in schedule.samplers:
         drawing = Drawing(for_peers(file, sampler), size=str(curves.size))
         one = Timed(drawing.grid(ONE_SAMPLE), curves.size)

@@ -116,9 +116,10 @@ class Drawing:
             return _rays(self._aimed.integrator().count_rays(self._aimed))
 
     def rays_by_pixel(self, error: float) -> NDArray[np.uint32]:
-        """Count the rays to a target error, (height, width), each with the pixel that its sample lies in.
+        """Count the rays of all kinds to a target error, (height, width), each with the pixel that its sample lies in.
 
-        Corners are those of the pixel to their lower right; at the borders samples belong to the nearest pixel.
+        What lies on a side counts for the pixel right of it or below it, though the other may have asked for it; beyond
+        the borders, for the nearest.
         """
         self._set(target_error=error)
         width, height = (int(size) for size in self._aimed.sensors()[0].film().crop_size())

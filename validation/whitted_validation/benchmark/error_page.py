@@ -14,9 +14,8 @@ results.json, besides what every command writes
         points one object a picture: way, knob (n, target error, samples, threshold), rmse, p999, largest, flip, rays
             (over those of one sample a pixel), missed (hidden and off by more than 1e-2), cost (time over that of one
             sample a pixel, as `comparison` in results.json of `whitted benchmark speed`; null with other checks and for
-            the oracle),
-            bare (the same of tracing the same samples in one launch and nothing else; null but for the way `target
-            error`), busy (times of all kernels in parts of the wall time; likewise)
+            the oracle), bare (the same of tracing the same samples in one launch and nothing else; null but for the way
+            `target error`), busy (times of all kernels in parts of the wall time; likewise)
     redrawn    the same of more scenes of these kinds, with their kind; no POV-Ray
     peers      the same of the scene that `path` and `direct` draw alike
     epsilon    points of the textbook's constant; knob is the constant, in world units
@@ -108,7 +107,7 @@ def _ways(curves: Curves) -> list[str]:
 
 
 def _others(curves: Curves) -> list[list[str]]:
-    """Tell what is drawn beside our own two curves: nothing, then other checks, each peer, POV-Ray in two methods."""
+    """Tell what stands beside our own two curves: nothing; other checks and an oracle; each peer; POV-Ray's methods."""
     by_peer = [[way for way in _ways(curves) if way.startswith(f"{peer},")] for peer in (TARGET, *PEERS, *METHODS)]
     return [[], *(ways for ways in by_peer if ways)]
 
@@ -187,9 +186,9 @@ def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]
             "all at once and neighbours together; beside a wall time also the sum of its kernels' times, without what "
             "the host does in between, which the time that it is held against keeps. "
             "Pixels are checked by more samples for what no corner meets; the same is drawn without such checks, and "
-            "with 16 times as many, but for those of some pixels in clutter, and the least next to a find. An oracle, "
-            "which knows how far off each pixel is, takes each from the refined picture that gains most for its rays: "
-            "what separates refinement from it is the price of guessing. "
+            "with 16 times as many, but for those of some pixels in clutter, and the least next to a find. An oracle "
+            "knows how far off each pixel is, and takes it from that refined picture where it gains most for its rays; "
+            "what refinement takes beyond that is the price of guessing, and of the oracle's luck. "
             "Of several scenes of a kind the median of what each takes counts, and single pictures one by one; POV-Ray "
             "draws the first. The seeds of the scenes come from the number of the commit "
             f"after which no constant of the refinement was changed, `{FROZEN}`."

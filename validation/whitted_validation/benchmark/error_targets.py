@@ -209,7 +209,7 @@ def _clutter(drawn: Sequence[Curves]) -> Iterator[Outcome]:
         pairs = [pair for curves in drawn for pair in gains(curves, of, curves.of(GRID))]
         slower = [f"at {rmse:.2g} {1 / gain:.3g} times its time" for rmse, gain in pairs if gain < 1]
         text = f"{len(slower)} of {len(pairs)} pictures slower" + "".join(f"; {each}" for each in slower)
-        text += f"; than the fastest grid that is as good {_than_drawn(drawn, of)}" if pairs else ""
+        text += f"; than the fastest grid that was drawn and is as good {_than_drawn(drawn, of)}" if pairs else ""
         for what, part in PARTS[of].items():
             alone = [pair for curves in drawn for pair in gains(curves, of, curves.of(GRID), part)]
             too_slow = [f"{1 / gain:.3g} times at {rmse:.2g}" for rmse, gain in alone if gain < 1]
@@ -219,15 +219,16 @@ def _clutter(drawn: Sequence[Curves]) -> Iterator[Outcome]:
 
 
 def _than_drawn(drawn: Sequence[Curves], of: Of) -> int:
-    """Count our pictures that take longer than the fastest picture of a grid with no larger RMSE.
+    """Count our pictures that take longer than the fastest of the grid's own pictures with no larger RMSE.
 
-    Between two grids there is none: a curve through both is faster than what anybody can draw.
+    A curve through those goes where no grid can be: between n and n + 1. Pictures beyond its ends do not count.
     """
     count = 0
     for curves in drawn:
+        grids = curves.of(GRID)
         for point in trusted(curves, TARGET):
-            as_good = [of(grid) for grid in curves.of(GRID) if grid.rmse <= point.rmse and of(grid) > 0]
-            count += bool(as_good) and of(point) > min(as_good)
+            if not math.isnan(at_error(grids, of, point.rmse)):
+                count += of(point) > min(of(grid) for grid in grids if grid.rmse <= point.rmse and of(grid) > 0)
     return count
 
 
