@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from whitted_validation.benchmark.error_drawing import Image
 
-ORACLE = "target error, chosen by an oracle"
+ORACLE = "chosen by an oracle"
 
 NO_TARGET = 1e9
 """A target error above any that colours of these scenes can have, so that corners alone do; in clutter some pixels are

@@ -48,6 +48,7 @@ from whitted_validation.benchmark.error_curves import (
 )
 from whitted_validation.benchmark.error_drawing import PEERS
 from whitted_validation.benchmark.error_epsilon import Wrong
+from whitted_validation.benchmark.error_oracle import ORACLE
 from whitted_validation.benchmark.error_povray import METHODS
 from whitted_validation.benchmark.error_schedule import Schedule
 from whitted_validation.benchmark.error_targets import (
@@ -107,8 +108,10 @@ def _ways(curves: Curves) -> list[str]:
 
 
 def _others(curves: Curves) -> list[list[str]]:
-    """Tell what stands beside our own two curves: nothing; other checks and an oracle; each peer; POV-Ray's methods."""
-    by_peer = [[way for way in _ways(curves) if way.startswith(f"{peer},")] for peer in (TARGET, *PEERS, *METHODS)]
+    """Tell what stands beside our own two curves: nothing; other checks; an oracle; each peer; POV-Ray's methods."""
+    others = [way for way in _ways(curves) if way not in (GRID, TARGET)]
+    peers = TARGET, ORACLE, *PEERS, *METHODS
+    by_peer = [[way for way in others if way == peer or way.startswith(f"{peer},")] for peer in peers]
     return [[], *(ways for ways in by_peer if ways)]
 
 
