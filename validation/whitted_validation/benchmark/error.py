@@ -201,9 +201,11 @@ def _curves(
         traced = drawing.rays_of_grid(n) / curves.rays
         curves.points.append(picture_point(GRID, n, drawing.grid(n), truth, schedule, one, traced, hidden))
         yield
+    by_pixel = {}
     for target in schedule.targets:
         told(f"{name}: target error {target:g}")
-        traced = drawing.rays_to(target) / curves.rays
+        by_pixel[target] = drawing.rays_by_pixel(target)
+        traced = int(by_pixel[target].sum()) / curves.rays
         point = picture_point(TARGET, target, drawing.to(target), truth, schedule, one, traced, hidden)
         bare = timed(drawing.bare(target), one, curves.size, schedule)
         curves.points.append(replace(point, bare=bare, busy=busy(drawing.to(target), curves.size)))
@@ -216,8 +218,8 @@ def _curves(
         yield
     if others:
         told(f"{name}: an oracle")
-        choice = NO_TARGET, *schedule.targets
-        oracle = Oracle(truth, [pixels(drawing.to(t)) for t in choice], [drawing.rays_by_pixel(t) for t in choice])
+        by_pixel = {NO_TARGET: drawing.rays_by_pixel(NO_TARGET)} | by_pixel
+        oracle = Oracle(truth, [pixels(drawing.to(target)) for target in by_pixel], list(by_pixel.values()))
         for point in curves.of(TARGET):
             picture, traced = oracle.choose(point.rmse)
             curves.points.append(compared(ORACLE, point.knob, picture, truth, None, traced / curves.rays, hidden))
