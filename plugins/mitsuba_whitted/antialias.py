@@ -35,7 +35,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_whitted import cells
-from mitsuba_whitted.averages import IN_PARTS, UNSEEN, average, average_to, enlarged, needed, suffice
+from mitsuba_whitted.averages import IN_PARTS, UNSEEN, average, average_to, fitted, needed, suffice
 from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, norm
 from mitsuba_whitted.corners import from_corners
 from mitsuba_whitted.edges import look_closer
@@ -190,7 +190,7 @@ def _refine(
         guessed *= IN_PARTS
     guessed[kinds == Kind.CLUTTER] *= UNTOUCHED[Kind.CLUTTER]
     counts = needed(guessed, hides, level)
-    samples = enlarged(counts, guessed, left)
+    samples = fitted(counts, guessed, left)
     if suffice(samples):
         above = average_to(look, some, estimate, numbers, samples, guessed, left)
         if above is None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mitsuba_whitted.cells import Cells, Estimate, Look, norm
 from mitsuba_whitted.lattices import of_corners, point
 from mitsuba_whitted.tables import owned
-from mitsuba_whitted.water import AVERAGED, FALL, foreseen, samples_for
+from mitsuba_whitted.water import FALL, LEAST_SAMPLES, foreseen, samples_for
 
 # Fitted as told in `antialias`.
 
@@ -52,7 +52,7 @@ neither.
 """
 
 OF_HIDDEN = 16, 4096
-"""Samples where something hides, at least and at most, before all are enlarged: what one of some checks met is small,
+"""Samples where something hides, at least and at most, before all are fitted: what one of some checks met is small,
 and few may miss it again; how small is not known, and what the most do not settle is split.
 """
 
@@ -72,11 +72,11 @@ def needed(errors: NDArray[np.float32], hides: NDArray[np.bool_], limit: float) 
     return _even(np.where(hides, np.clip(counts, *OF_HIDDEN), counts))
 
 
-def enlarged(counts: NDArray[np.uint32], errors: NDArray[np.float32], budget: float) -> NDArray[np.uint32]:
-    """Take so many times these samples that the squares of the errors come to the budget, as far as can be foreseen."""
-    left = foreseen(errors.astype(float), counts)
+def fitted(counts: NDArray[np.uint32], errors: NDArray[np.float32], budget: float) -> NDArray[np.uint32]:
+    """Take more samples or fewer, all by one factor, so that the squares of the errors foreseen come to the budget."""
+    left = foreseen(errors.astype(float), counts.astype(float))
     squares = float(np.sum(left[np.isfinite(left)] ** 2))
-    return _even(counts * max(1.0, (squares / budget) ** (0.5 / FALL)))
+    return _even(np.maximum(LEAST_SAMPLES, counts * (squares / budget) ** (0.5 / FALL)))
 
 
 def _even(counts: NDArray[Any]) -> NDArray[np.uint32]:
@@ -130,13 +130,13 @@ def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: A
 
     state = (first, mi.Vector4d(0), mi.Vector4d(0))  # in double: very many numbers are summed
     summed: Any = dr.while_loop(state, lambda k, *_: k < ends, add, label="average")
-    share = dr.rcp(mi.Float(counts))
-    corners = of_corners(mi.Float(counts))
-    even, odd = (mi.Vector4f(total * mi.Float64(share * (1 - corners))) for total in summed[1:])
+    count = mi.Float(counts)
+    corners = of_corners(count)
+    even, odd = (mi.Vector4f(total * mi.Float64((1 - corners) * dr.rcp(count))) for total in summed[1:])
     known = sum(some.colour(sample) for sample in some.some(chosen).corners())
     mean = even + odd + known * (0.25 * corners)
     error = norm(even - odd) * (2 * OF_HALVES) * (some.step * some.step)
-    error = dr.maximum(error, FORESEEN * AVERAGED * guessed * share**FALL)
+    error = dr.maximum(error, FORESEEN * foreseen(guessed, count))
     dr.eval(mean, error)
     dr.scatter(estimate.value, mean, chosen)
     dr.scatter(estimate.error, error, chosen)
@@ -165,7 +165,8 @@ def average_to(
     for _ in range(MOST_AGAIN):
         measured = np.array(dr.gather(mi.Float, estimate.error, lanes), np.float64)
         sound = np.isfinite(guessed) & np.isfinite(measured)  # no samples mend the others
-        error = _steadied(np.where(sound, measured, 0), foreseen(np.where(sound, guessed, 0.0), samples))
+        expected = foreseen(np.where(sound, guessed, 0.0), samples.astype(float))
+        error = _steadied(np.where(sound, measured, 0), expected)
         if np.sum(error**2) <= TOLERANCE**2 * budget:
             break
         limit = _level(error, TOLERANCE**2 * budget)

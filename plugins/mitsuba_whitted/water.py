@@ -90,10 +90,12 @@ def samples_for(error: NDArray[np.float64], limit: Any) -> NDArray[np.float64]:
     return found
 
 
-def foreseen(error: NDArray[np.float64], samples: NDArray[Any]) -> NDArray[np.float64]:
-    """Tell how far off averages of so many samples are likely to be, where the cells were expected to be by `error`."""
-    left: NDArray[np.float64] = AVERAGED * error * samples.astype(float) ** -FALL
-    return left
+def foreseen(error: Any, samples: Any) -> Any:
+    """Tell how far off averages of so many samples, not integers, are likely to be; `error` was estimated before any.
+
+    Arrays of NumPy or of Dr.Jit.
+    """
+    return AVERAGED * error * samples**-FALL
 
 
 def _squares() -> NDArray[np.float64]:

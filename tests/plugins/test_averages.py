@@ -168,7 +168,7 @@ def test_halves_that_agree_by_chance_leave_part_of_what_was_foreseen(llvm_ad_rgb
     chosen = np.array(dr.compress(some.inside))
     counts, guessed = 2 * np.arange(1, 17, dtype=np.uint32), np.linspace(0.1, 1, 16).astype(np.float32)
     averages.average(grey, some, estimate, chosen, counts, guessed)
-    foreseen = averages.FORESEEN * AVERAGED * mi.Float(guessed) * dr.rcp(mi.Float(counts)) ** FALL
+    foreseen = averages.FORESEEN * (AVERAGED * mi.Float(guessed) * mi.Float(counts) ** -FALL)
     assert np.array_equal(np.array(estimate.error)[chosen], np.array(foreseen))
 
 
@@ -243,9 +243,9 @@ def test_the_least_samples_do_and_the_count_is_even(llvm_ad_rgb, hidden):
     assert np.all((counts >= exact) & (counts < exact + 2))
 
 
-def test_samples_are_enlarged_until_the_errors_foreseen_meet_the_budget(llvm_ad_rgb):
+def test_samples_are_fitted_so_that_the_errors_foreseen_meet_the_budget(llvm_ad_rgb):
     from mitsuba_whitted import averages
-    from mitsuba_whitted.water import AVERAGED, FALL
+    from mitsuba_whitted.water import AVERAGED, FALL, LEAST_SAMPLES
 
     rng = np.random.default_rng(2)
     errors, counts = rng.exponential(1, 500).astype(np.float32), 2 * rng.integers(4, 100, 500).astype(np.uint32)
@@ -253,14 +253,15 @@ def test_samples_are_enlarged_until_the_errors_foreseen_meet_the_budget(llvm_ad_
     def squares(counts, of=slice(None)):
         return np.sum((AVERAGED * errors * counts.astype(float) ** -FALL)[of] ** 2)
 
-    assert np.array_equal(averages.enlarged(counts, errors, 2 * squares(counts)), counts)
-    for part in (0.5, 0.01):
-        enlarged = averages.enlarged(counts, errors, part * squares(counts))
-        assert squares(enlarged) <= part * squares(counts) <= squares(enlarged - 2)  # each is rounded up to an even one
+    for part in (2, 0.5, 0.01):
+        fitted = averages.fitted(counts, errors, part * squares(counts))
+        assert squares(fitted) <= part * squares(counts) <= squares(fitted - 2)  # each is rounded up to an even one
+    assert np.all(averages.fitted(counts, errors, 1e9 * squares(counts)) == LEAST_SAMPLES)
     errors[7] = 0
-    finite = averages.enlarged(counts, errors, 0.01 * squares(counts))
+    finite = averages.fitted(counts, errors, 0.01 * squares(counts))
     errors[7] = math.inf
-    assert np.array_equal(averages.enlarged(counts, errors, 0.01 * squares(counts, errors != math.inf)), finite)
+    assert np.array_equal(averages.fitted(counts, errors, 0.01 * squares(counts, errors != math.inf)), finite)
+    assert np.all(averages.fitted(counts, np.full(500, math.inf, np.float32), 1.0) == LEAST_SAMPLES)  # none mends these
 
 
 def test_what_would_take_more_than_to_split_it_is_left_to_be_split(llvm_ad_rgb, monkeypatch):
