@@ -24,7 +24,7 @@ from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
-FROZEN = "5fed3e7bc911a12e35feee7338c20d9cdaacede8"
+FROZEN = "ea19c0df23592ba6f811ceea10a5b815b5c64982"
 """The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
 here: nobody could know them before.
 """
@@ -42,6 +42,9 @@ LOOKS = 16
 """Hidden features are looked for by a grid of so many samples a side of the pixel."""
 
 GRID, TARGET = "grid", "target error"
+
+CORNERS = "corners alone"
+"""What every refined picture begins with: the samples at the corners of pixels, and what they say of each."""
 
 RANDOM = "random"
 """Begins the names of random scenes."""
@@ -202,11 +205,12 @@ def _curves(
         curves.points.append(picture_point(GRID, n, drawing.grid(n), truth, schedule, one, traced, hidden))
         yield
     by_pixel = {}
-    for target in schedule.targets:
-        told(f"{name}: target error {target:g}")
+    for target in (NO_TARGET, *schedule.targets):
+        way = CORNERS if target == NO_TARGET else TARGET
+        told(f"{name}: {way}" + f" {target:g}" * (way == TARGET))
         by_pixel[target] = drawing.rays_by_pixel(target)
         traced = int(by_pixel[target].sum()) / curves.rays
-        point = picture_point(TARGET, target, drawing.to(target), truth, schedule, one, traced, hidden)
+        point = picture_point(way, target, drawing.to(target), truth, schedule, one, traced, hidden)
         bare = timed(drawing.bare(target), one, curves.size, schedule)
         curves.points.append(replace(point, bare=bare, busy=busy(drawing.to(target), curves.size)))
         yield
@@ -218,7 +222,6 @@ def _curves(
         yield
     if others:
         told(f"{name}: an oracle")
-        by_pixel = {NO_TARGET: drawing.rays_by_pixel(NO_TARGET)} | by_pixel
         oracle = Oracle(truth, [pixels(drawing.to(target)) for target in by_pixel], list(by_pixel.values()))
         for point in curves.of(TARGET):
             picture, traced = oracle.choose(point.rmse)

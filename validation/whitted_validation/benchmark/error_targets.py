@@ -9,7 +9,7 @@ import math
 import statistics
 from collections.abc import Iterable, Iterator, Sequence
 
-from whitted_validation.benchmark.error import GRID, TARGET, Curves, Kept, Results
+from whitted_validation.benchmark.error import CORNERS, GRID, TARGET, Curves, Kept, Results
 from whitted_validation.benchmark.error_checks import CHECKS, NO_CHECKS
 from whitted_validation.benchmark.error_curves import (
     Of,
@@ -206,8 +206,12 @@ def _clutter(drawn: Sequence[Curves]) -> Iterator[Outcome]:
         else:
             yield Outcome(target, "", None)
         target = f"clutter: never slower than the grid of equal RMSE, {clock} time"
-        pairs = [pair for curves in drawn for pair in gains(curves, of, curves.of(GRID))]
-        slower = [f"at {rmse:.2g} {1 / gain:.3g} times its time" for rmse, gain in pairs if gain < 1]
+        pairs = [(curves, *pair) for curves in drawn for pair in gains(curves, of, curves.of(GRID))]
+        slower = [
+            f"at {rmse:.2g} {1 / gain:.3g} times its time{_begun(curves, of, rmse)}"
+            for curves, rmse, gain in pairs
+            if gain < 1
+        ]
         text = f"{len(slower)} of {len(pairs)} pictures slower" + "".join(f"; {each}" for each in slower)
         text += f"; than the fastest grid that was drawn and is as good {_than_drawn(drawn, of)}" if pairs else ""
         for what, part in PARTS[of].items():
@@ -216,6 +220,12 @@ def _clutter(drawn: Sequence[Curves]) -> Iterator[Outcome]:
             text += f"; {what} slower in {len(too_slow)}" if alone else ""
             text += f": {', '.join(too_slow)}" if too_slow else ""
         yield Outcome(target, text if pairs else "", not slower if pairs else None)
+
+
+def _begun(curves: Curves, of: Of, rmse: float) -> str:
+    """Tell what a refined picture has taken of the grid's time at this error before anything is refined."""
+    begun = [of(point) / at_error(curves.of(GRID), of, rmse) for point in curves.of(CORNERS)]
+    return "".join(f" ({CORNERS} {each:.3g})" for each in begun)
 
 
 def _than_drawn(drawn: Sequence[Curves], of: Of) -> int:
