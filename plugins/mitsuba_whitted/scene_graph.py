@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -152,9 +152,10 @@ class Stamp:
         plain = [_plain(value) for value in values]
         # A transform's matrix says enough: the inverse that Mitsuba keeps beside it is half of all there is to compare.
         self._live = [
-            value.matrix if hasattr(value, "inverse_transpose") else value
+            part
             for value, known in zip(values, plain, strict=True)
             if known is None
+            for part in _parts(value.matrix if hasattr(value, "inverse_transpose") else value)
         ]
         """Dr.Jit's own objects, as their owners hold them: an edit shows in them."""
         self._numbers_at = [place for place, known in zip(places, plain, strict=True) if known is not None]
@@ -170,6 +171,15 @@ class Stamp:
 
     def _read_numbers(self) -> list[Any]:
         return [_plain(read(*place)) for place in self._numbers_at]
+
+
+def _parts(value: Any) -> Iterator[Any]:
+    """Give the flat arrays in a matrix or colour, as it holds them: Dr.Jit looks through a list of them much faster."""
+    if dr.depth_v(value) > 1:
+        for part in value:
+            yield from _parts(part)
+    else:
+        yield value
 
 
 def _plain(value: Any) -> Any:

@@ -51,6 +51,9 @@ def test_a_strip_is_followed_from_the_few_pixels_whose_checks_meet_it(llvm_ad_rg
 @pytest.mark.parametrize("white", [False, True])
 def test_clutter_of_one_colour_is_checked_in_some_pixels_and_followed_from_there(llvm_ad_rgb, white):
     # Every sample left of the edge has a path of its own. Each pixel there may have a dot, which no corner meets.
+    from mitsuba_whitted.antialias import EVERY
+    from mitsuba_whitted.crossings import FINEST
+
     size, taken = 64, dr.zeros(mi.UInt32, 1)
 
     def look(x, y, active):
@@ -66,7 +69,8 @@ def test_clutter_of_one_colour_is_checked_in_some_pixels_and_followed_from_there
     if white:
         assert np.sum((picture[:, :48] - 0.25) ** 2) <= picture.size * target**2
     else:
-        corners, checked, beside_the_edge = (size + 1) ** 2, 48 * size / 5, 20 * size
+        # An edge is sought on a side and across its chord, by bisection: no finer than this either time.
+        corners, checked, beside_the_edge = (size + 1) ** 2, 48 * size / EVERY, -2 * math.log2(FINEST) * size
         assert int(taken[0]) <= corners + checked + beside_the_edge
         assert np.all(picture[:, :48] == 0)
 
