@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import functools
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import mitsuba as mi
@@ -103,6 +104,13 @@ class Picture:
 def picture(_variant: str, scene: str) -> Picture:
     """Draw each scene once a variant, for all its probes."""
     return Picture(scene)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def scenes_end_with_these_tests() -> Iterator[None]:
+    """Drop the scenes: where later tests call a method of a shape, Dr.Jit compiles it for all shapes that are alive."""
+    yield
+    picture.cache_clear()
 
 
 SCENES = [scene.stem for scene in scene_files.shipped()]
