@@ -52,8 +52,8 @@ neither.
 """
 
 OF_HIDDEN = 16, 4096
-"""Samples where something hides, at least and at most, before all are fitted: what one of some checks met is small,
-and few may miss it again; how small is not known, and what the most do not settle is split.
+"""Samples where something hides, at least and at most, before all are fitted, be it to fewer: what one of some checks
+met is small, and few may miss it again; how small is not known, and what the most do not settle is split.
 """
 
 TOLERANCE = 1.3
@@ -73,10 +73,14 @@ def needed(errors: NDArray[np.float32], hides: NDArray[np.bool_], limit: float) 
 
 
 def fitted(counts: NDArray[np.uint32], errors: NDArray[np.float32], budget: float) -> NDArray[np.uint32]:
-    """Take more samples or fewer, all by one factor, so that the squares of the errors foreseen come to the budget."""
+    """Take more samples or fewer, all by one factor, so that the squares of the errors foreseen come to the budget.
+
+    Where the error is not finite the count stays, so that what is too bright for squares is split and not given up.
+    """
     left = foreseen(errors.astype(float), counts.astype(float))
-    squares = float(np.sum(left[np.isfinite(left)] ** 2))
-    return _even(np.maximum(LEAST_SAMPLES, counts * (squares / budget) ** (0.5 / FALL)))
+    finite = np.isfinite(left)
+    factor = (float(np.sum(left[finite] ** 2)) / budget) ** (0.5 / FALL)
+    return _even(np.maximum(LEAST_SAMPLES, np.where(finite, counts * factor, counts)))
 
 
 def _even(counts: NDArray[Any]) -> NDArray[np.uint32]:

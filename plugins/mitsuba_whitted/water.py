@@ -91,9 +91,9 @@ def samples_for(error: NDArray[np.float64], limit: Any) -> NDArray[np.float64]:
 
 
 def foreseen(error: Any, samples: Any) -> Any:
-    """Tell how far off averages of so many samples, not integers, are likely to be; `error` was estimated before any.
+    """Tell how far off averages of so many samples are likely to be; `error` was estimated before any was taken.
 
-    Arrays of NumPy or of Dr.Jit.
+    Arrays of NumPy or of Dr.Jit, whose samples must be floats.
     """
     return AVERAGED * error * samples**-FALL
 

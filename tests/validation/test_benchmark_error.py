@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from whitted_validation.benchmark import povray, scenes
-from whitted_validation.benchmark.error import CORNERS, GRID, TARGET, Curves, Kept, Results, run
+from whitted_validation.benchmark.error import GRID, TARGET, UNREFINED, Curves, Kept, Results, run
 from whitted_validation.benchmark.error_checks import CHECKS, NO_CHECKS
 from whitted_validation.benchmark.error_curves import Point, at_error, cheapest, cpu, rays, slope
 from whitted_validation.benchmark.error_oracle import ORACLE
@@ -188,13 +188,15 @@ def test_between_two_grids_there_is_none_to_be_slower_than() -> None:
     between = 2 * 8**0.5  # the curve of the grids takes the root of 8 at the root of 0.001, and this is twice as much
     ours = [point(TARGET, 0.001**0.5, between), point(TARGET, 0.01, 8.5), point(TARGET, 0.0011, 64.5)]
     beyond = [point(TARGET, 0.2, 1.5), point(TARGET, 0.0009, 99.0)]
-    results.scenes["b"].points = [*grids, *ours, *beyond, point(CORNERS, 0.05, 2)]
+    results.scenes["b"].points = [*grids, *ours, *beyond, point(UNREFINED, 0.05, 2)]
     results.redrawn = [("b", replace(results.scenes["b"], points=grids + ours[1:]))]
     told = [each.measured for each in outcomes(results) if "never slower" in each.target]
     assert len(told) == 2
     for text in told:
-        assert text.startswith("5 of 5 pictures slower; at 0.032 2 times its time (corners alone 0.707); at 0.01 1.06 ")
-        assert text.count(CORNERS) == 3  # the other scene's were not drawn
+        assert text.startswith(
+            "5 of 5 pictures slower; at 0.032 2 times its time (without a target 0.707); at 0.01 1.06 "
+        )
+        assert text.count(UNREFINED) == 3  # the other scene's were not drawn
         assert "than the fastest grid that was drawn and is as good 4" in text.split("; ")
 
 
@@ -447,7 +449,7 @@ def test_the_quick_benchmark_writes_data_and_a_page(tmp_path: Path) -> None:
     assert [each["kind"] for each in facts["redrawn"]] == ["a"]
     assert facts["redrawn"][0]["seed"] == facts["scenes"]["a"]["seed"] + 1
     points = facts["scenes"]["a"]["points"]
-    ways = {"grid", "corners alone", "target error", *CHECKS, ORACLE}
+    ways = {"grid", "without a target", "target error", *CHECKS, ORACLE}
     if povray.version() is None:
         assert "scene a: POV-Ray is not installed" in facts["notes"]
     else:

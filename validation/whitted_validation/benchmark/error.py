@@ -43,8 +43,8 @@ LOOKS = 16
 
 GRID, TARGET = "grid", "target error"
 
-CORNERS = "corners alone"
-"""What every refined picture begins with: the samples at the corners of pixels, and what they say of each."""
+UNREFINED = "without a target"
+"""A target above any error: the samples at the corners of pixels, what they say of each, and in clutter some checks."""
 
 RANDOM = "random"
 """Begins the names of random scenes."""
@@ -206,7 +206,7 @@ def _curves(
         yield
     by_pixel = {}
     for target in (NO_TARGET, *schedule.targets):
-        way = CORNERS if target == NO_TARGET else TARGET
+        way = UNREFINED if target == NO_TARGET else TARGET
         told(f"{name}: {way}" + f" {target:g}" * (way == TARGET))
         by_pixel[target] = drawing.rays_by_pixel(target)
         traced = int(by_pixel[target].sum()) / curves.rays

@@ -11,12 +11,12 @@ results.json, besides what every command writes
         the converged picture and a coarser grid, and a refined picture), hidden (pixels whose corners do not show what
         is in them), slopes (by curve: of log RMSE over log rays, log extra rays and log CPU time), note (why POV-Ray
         is missing), and
-        points one object a picture: way, knob (n, target error, samples, threshold; of corners alone an error above
-            any), rmse, p999, largest, flip, rays (over those of one sample a pixel), missed (hidden and off by more
-            than 1e-2), cost (time over that of one sample a pixel, as `comparison` in results.json of `whitted
-            benchmark speed`; null with other checks and for the oracle), bare (the same of tracing the same samples in
-            one launch and nothing else; null but for the ways `target error` and `corners alone`), busy (times of all
-            kernels in parts of the wall time; likewise)
+        points one object a picture: way, knob (n, target error, samples, threshold), rmse, p999, largest, flip, rays
+            (over those of one sample a pixel), missed (hidden and off by more than 1e-2), cost (time over that of one
+            sample a pixel, as `comparison` in results.json of `whitted benchmark speed`; null with other checks and for
+            the oracle), bare (the same of tracing the same samples in one launch and nothing else; null but for the
+            ways `target error` and `without a target`, whose knob is an error above any), busy (times of all kernels in
+            parts of the wall time; likewise)
     redrawn    the same of more scenes of these kinds, with their kind; no POV-Ray
     peers      the same of the scene that `path` and `direct` draw alike
     epsilon    points of the textbook's constant; knob is the constant, in world units
@@ -34,7 +34,7 @@ from pathlib import Path
 from typing import Any
 
 from whitted_validation import report
-from whitted_validation.benchmark.error import CORNERS, FROZEN, GRID, RANDOM, TARGET, Curves, Results
+from whitted_validation.benchmark.error import FROZEN, GRID, RANDOM, TARGET, UNREFINED, Curves, Results
 from whitted_validation.benchmark.error_curves import (
     Of,
     Point,
@@ -117,7 +117,7 @@ def _others(curves: Curves) -> list[list[str]]:
 
 
 def _slopes(curves: Curves) -> dict[str, dict[str, float]]:
-    ways = dict.fromkeys((GRID, TARGET, *(way for way in _ways(curves) if way != CORNERS)))  # that is no curve
+    ways = dict.fromkeys((GRID, TARGET, *(way for way in _ways(curves) if way != UNREFINED)))  # that is no curve
     return {way: {axis: slope(trusted(curves, way), of) for axis, of in AXES.items()} for way in ways}
 
 

@@ -49,7 +49,7 @@ class Schedule:
 
     def count(self) -> int:
         """Count the steps of `run`."""
-        curves = len(self.grids) + 1 + len(self.targets)  # and corners alone
+        curves = len(self.grids) + 1 + len(self.targets)  # and one without a target
         with_others = curves + (len(CHECKS) + 1) * len(self.targets)  # and an oracle
         peers = curves + 1 + len(self.samplers) * len(PEERS) * len(self.spp)
         first = len(self.kinds) * (with_others + 2 + len(self.povray))

@@ -9,7 +9,7 @@ import math
 import statistics
 from collections.abc import Iterable, Iterator, Sequence
 
-from whitted_validation.benchmark.error import CORNERS, GRID, TARGET, Curves, Kept, Results
+from whitted_validation.benchmark.error import GRID, TARGET, UNREFINED, Curves, Kept, Results
 from whitted_validation.benchmark.error_checks import CHECKS, NO_CHECKS
 from whitted_validation.benchmark.error_curves import (
     Of,
@@ -208,7 +208,7 @@ def _clutter(drawn: Sequence[Curves]) -> Iterator[Outcome]:
         target = f"clutter: never slower than the grid of equal RMSE, {clock} time"
         pairs = [(curves, *pair) for curves in drawn for pair in gains(curves, of, curves.of(GRID))]
         slower = [
-            f"at {rmse:.2g} {1 / gain:.3g} times its time{_begun(curves, of, rmse)}"
+            f"at {rmse:.2g} {1 / gain:.3g} times its time{_untargeted(curves, of, rmse)}"
             for curves, rmse, gain in pairs
             if gain < 1
         ]
@@ -222,10 +222,10 @@ def _clutter(drawn: Sequence[Curves]) -> Iterator[Outcome]:
         yield Outcome(target, text if pairs else "", not slower if pairs else None)
 
 
-def _begun(curves: Curves, of: Of, rmse: float) -> str:
-    """Tell what a refined picture has taken of the grid's time at this error before anything is refined."""
-    begun = [of(point) / at_error(curves.of(GRID), of, rmse) for point in curves.of(CORNERS)]
-    return "".join(f" ({CORNERS} {each:.3g})" for each in begun)
+def _untargeted(curves: Curves, of: Of, rmse: float) -> str:
+    """Tell what a picture without a target takes of the grid's time at this error."""
+    found = [of(point) / at_error(curves.of(GRID), of, rmse) for point in curves.of(UNREFINED)]
+    return "".join(f" ({UNREFINED} {each:.3g})" for each in found)
 
 
 def _than_drawn(drawn: Sequence[Curves], of: Of) -> int:
