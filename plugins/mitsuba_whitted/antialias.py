@@ -35,7 +35,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_whitted import cells
-from mitsuba_whitted.averages import IN_PARTS, UNSEEN, average, average_to, fitted, needed, suffice
+from mitsuba_whitted.averages import IN_PARTS, OF_KIND, average, average_to, fitted, needed, suffice
 from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, norm
 from mitsuba_whitted.corners import from_corners
 from mitsuba_whitted.edges import look_closer
@@ -186,10 +186,9 @@ def _refine(
     dr.eval(parts)  # together: one kernel
     numbers, guessed, kinds, hides = map(np.array, parts)
     del of_wrong, parts  # or what they are picked from would be copied where it is written over
-    guessed[kinds == Kind.SMOOTH] *= UNSEEN
+    guessed *= OF_KIND[kinds]
     if depth < DEPTH:
         guessed *= IN_PARTS
-    guessed[kinds == Kind.CLUTTER] *= UNTOUCHED[Kind.CLUTTER]
     counts = needed(guessed, hides, level)
     samples = fitted(counts, guessed, left)
     if suffice(samples):

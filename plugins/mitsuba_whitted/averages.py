@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import drjit as dr
@@ -9,10 +10,10 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_whitted.cells import Cells, Estimate, Look, norm
+from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, norm
 from mitsuba_whitted.lattices import of_corners, point
 from mitsuba_whitted.tables import owned
-from mitsuba_whitted.water import FALL, LEAST_SAMPLES, foreseen, samples_for
+from mitsuba_whitted.water import FALL, LEAST_SAMPLES, UNTOUCHED, foreseen, samples_for
 
 # Fitted as told in `antialias`.
 
@@ -44,6 +45,9 @@ UNSEEN = 2.0
 """Where the corners have one path averages are further off by this factor: what is in between, a step or something that
 hides, is mostly small, and samples miss it.
 """
+
+OF_KIND = np.array([UNSEEN, 1.0, UNTOUCHED[Kind.CLUTTER]], np.float32)
+"""What errors of averages are foreseen from, in parts of what is estimated at the corners; by kind."""
 
 IN_PARTS = 1.5
 """In parts of pixels averages are further off by this factor, since pixels are split where something is finer than
@@ -106,11 +110,11 @@ def average(
     How much every other of them differs from the rest tells how far off their mean is; `guessed` are the errors that
     were estimated without any.
     """
-    begin = 0
-    for last in np.flatnonzero(np.diff((np.cumsum(counts, dtype=np.int64) - 1) // AT_ONCE, append=-1)).tolist():
-        batch = slice(begin, last + 1)
+    ends = np.cumsum(counts, dtype=np.int64)
+    begins = np.searchsorted(ends, np.arange(0, counts.sum(dtype=np.int64), AT_ONCE), side="right")
+    for begin, end in itertools.pairwise([*np.unique(begins).tolist(), len(counts)]):
+        batch = slice(begin, end)
         _average(look, some, estimate, owned(chosen[batch]), owned(counts[batch]), owned(guessed[batch]))
-        begin = last + 1
 
 
 def _average(look: Look, some: Cells, estimate: Estimate, chosen: Any, counts: Any, guessed: Any) -> None:

@@ -22,10 +22,6 @@ BLOCK = 32
 """Pixels are numbered along a Z curve (Morton 1966) in squares of this side: neighbours in a launch are close."""
 
 
-MOST_IN_A_ROW = 4
-"""Differences are taken of so many samples: two second ones, and the third between these."""
-
-
 class Kind(IntEnum):
     """What the samples at the corners of a cell say of it."""
 
@@ -96,17 +92,15 @@ class Cells(NamedTuple):
     paths: Any
     samples: int
     """Of all lattices together."""
-    in_a_row: tuple[int, int]
-    """So many samples in a row, and in a column, are compared with each other: all there are, but no more than most."""
 
     def some(self, cell: Any) -> Cells:
         """Pick the cells with these numbers."""
         x, y, corner, inside, i, j = (dr.gather(type(part), part, cell) for part in self[:6])
         return self._replace(x=x, y=y, corner=corner, inside=inside, i=i, j=j)
 
-    def colour(self, sample: Any) -> Any:
+    def colour(self, sample: Any, active: Any = True) -> Any:
         """Colour and alpha of samples, by number."""
-        return dr.gather(mi.Vector4f, self.colours, sample)
+        return dr.gather(mi.Vector4f, self.colours, sample, active)
 
     def path(self, sample: Any) -> Any:
         """Numbers of their paths."""
@@ -158,8 +152,7 @@ def pixels(look: Look, width: int, top: int, bottom: int) -> Cells:
     inside = (i < size.x) & (j < size.y)
     i, j = dr.minimum(i, size.x - 1), dr.minimum(j, size.y - 1)
     x, y, step = mi.Float(i), mi.Float(j + size.z), opaque(mi.Float(1))
-    in_a_row = min(width + 1, MOST_IN_A_ROW), min(height + 1, MOST_IN_A_ROW)
-    return Cells(x, y, j * across + i, inside, i, j, across, down, step, colours, paths, samples, in_a_row)
+    return Cells(x, y, j * across + i, inside, i, j, across, down, step, colours, paths, samples)
 
 
 def _lanes(width: int, height: int) -> int:
@@ -218,7 +211,7 @@ def quarters(look: Look, cells: Cells, split: Any) -> Cells:
     dr.scatter(paths, cells.path(known), at)
     side = opaque(mi.UInt32(3))
     whole = dr.full(mi.Bool, True, 4 * count)
-    parts = Cells(x, y, 9 * parent + i + 3 * j, whole, i, j, side, side, step, colours, paths, samples, (3, 3))
+    parts = Cells(x, y, 9 * parent + i + 3 * j, whole, i, j, side, side, step, colours, paths, samples)
 
     lane = dr.arange(mi.UInt32, 5 * count)
     parent, k = lane // 5, lane % 5

@@ -8,7 +8,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_whitted.cells import MOST_IN_A_ROW, Cells, Estimate, Kind, extent, norm, square
+from mitsuba_whitted.cells import Cells, Estimate, Kind, extent, norm, square
 from mitsuba_whitted.tables import opaque
 from mitsuba_whitted.water import Histogram, counts, histogram
 
@@ -40,7 +40,7 @@ def from_corners(some: Cells, target: float) -> tuple[Estimate, Histogram]:
 
     low, high = _range_around(some, crossed > 3, *extent(colours))
     of_range = dr.select((crossed != 0) | (some.step < 1), mi.Float(OF_RANGE), 0)
-    error = some.step * some.step * dr.maximum(_bend(some), norm(high - low) * of_range)
+    error = some.step * some.step * dr.maximum(_bend(some, colours), norm(high - low) * of_range)
     count = dr.width(some.x)
     value = dr.empty(mi.Float, 4 * count)
     dr.scatter(value, (colours[0] + colours[1] + colours[2] + colours[3]) * 0.25, dr.arange(mi.UInt32, count))
@@ -74,25 +74,23 @@ def _range_around(some: Cells, where: Any, low: Any, high: Any) -> tuple[Any, An
     return around
 
 
-def _bend(some: Cells) -> Any:
+def _bend(some: Cells, colours: list[Any]) -> Any:
     """Estimate the error by differences along the sides: across and down, each by the largest of those that touch it.
 
     They are taken over edges too: this is how the cells next to an edge come to a sample in the centre.
     """
+    corners = some.corners()
 
-    def along(at: Any, size: Any, count: int, stride: Any, to_other_side: Any) -> Any:
-        first = mi.UInt32(dr.clip(mi.Int32(at) - 1, 0, mi.Int32(size) - count))
+    def along(at: Any, size: Any, stride: Any, sides: tuple[tuple[int, int], ...]) -> Any:
+        before, after = at > 0, at + 2 < size
         bend, step = mi.Float(0), mi.Float(0)  # largest squares
-        for side in range(2):
-            begin = some.corner - at * stride + first * stride + side * to_other_side
-            c = [some.colour(begin + n * stride) for n in range(count)]
-            bends = [c[n] - 2 * c[n + 1] + c[n + 2] for n in range(count - 2)]
-            for each in bends:
-                bend = dr.maximum(bend, square(each))
-            if count == MOST_IN_A_ROW:
-                step = dr.maximum(step, square(bends[1] - bends[0]))
+        for begin, end in sides:
+            first = some.colour(corners[begin] - stride, before) - 2 * colours[begin] + colours[end]
+            second = colours[begin] - 2 * colours[end] + some.colour(corners[end] + stride, after)
+            bend = dr.maximum(bend, dr.select(before, square(first), 0))
+            bend = dr.maximum(bend, dr.select(after, square(second), 0))
+            step = dr.maximum(step, dr.select(before & after, square(second - first), 0))
         return dr.sqrt(dr.maximum(OF_BEND**2 * bend, OF_STEP**2 * step))
 
-    one = mi.UInt32(1)
-    across = along(some.i, some.across, some.in_a_row[0], one, some.across)
-    return across + along(some.j, some.down, some.in_a_row[1], some.across, one)
+    across = along(some.i, some.across, mi.UInt32(1), ((0, 1), (3, 2)))
+    return across + along(some.j, some.down, some.across, ((0, 3), (1, 2)))

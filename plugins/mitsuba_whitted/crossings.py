@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -39,28 +39,23 @@ def sides(cells: Cells) -> list[Any]:
     return [2 * upper_left, 2 * upper_right + 1, 2 * lower_left, 2 * upper_left + 1]
 
 
-class _Side(NamedTuple):
-    """Sides of cells: the samples at their ends."""
+def _sought(cells: Cells, close: Any, two: Any) -> Any:
+    """Tell which sides of the cells `close` are to be sought, clockwise from the top, four numbers a cell.
 
-    here: Cells
-    """The cell that each is of."""
-    begin: Any
-    """Upper or left sample."""
-    end: Any
-    down: Any
-    """Whether it goes down, or to the right."""
-    number: Any
-    k: Any
-    """Which side of the cell."""
-
-
-def _side(cells: Cells, close: Any, lane: Any) -> _Side:
-    """Side number ``lane % 4`` of cell ``close[lane // 4]``, clockwise from the top."""
-    here, k = cells.some(dr.gather(mi.UInt32, close, lane // 4)), lane % 4
-    down = (k & 1) != 0
-    begin = here.corner + dr.select(k == 1, mi.UInt32(1), dr.select(k == 2, here.across, 0))
-    end = begin + dr.select(down, here.across, 1)
-    return _Side(here, begin, end, down, 2 * begin + dr.select(down, mi.UInt32(1), 0), k)
+    A side that two cells share is sought by the upper or left one of them.
+    """
+    here = cells.some(close)
+    marked = dr.zeros(mi.Bool, cells.samples)
+    dr.scatter(marked, mi.Bool(True), here.corner, two)
+    paths = [cells.path(sample) for sample in here.corners()]
+    above, left = two & (here.j > 0), two & (here.i > 0)
+    above = dr.gather(mi.Bool, marked, here.corner - here.across, above)
+    left = dr.gather(mi.Bool, marked, here.corner - 1, left)
+    sought = dr.empty(mi.Bool, 4 * dr.width(close))
+    for k, others in enumerate((above, mi.Bool(False), mi.Bool(False), left)):
+        crossed = two & (paths[k] != paths[(k + 1) % 4]) & ~others
+        dr.scatter(sought, crossed, 4 * dr.arange(mi.UInt32, dr.width(close)) + k, mode=dr.ReduceMode.Permute)
+    return sought
 
 
 def crossings(look: Look, cells: Cells, close: Any, two: Any, limit: Any) -> Any:
@@ -69,27 +64,17 @@ def crossings(look: Look, cells: Cells, close: Any, two: Any, limit: Any) -> Any
     Nothing here depends on which of its two cells a side is seen from.
     """
     found = dr.zeros(mi.Float, 2 * cells.samples)
-    marked = dr.zeros(mi.Bool, cells.samples)
-    dr.scatter(marked, mi.Bool(True), dr.gather(mi.UInt32, cells.corner, close), two)
-    lane = dr.arange(mi.UInt32, 4 * dr.width(close))
-    side = _side(cells, close, lane)
-    here = side.here
-    crossed = dr.gather(mi.Bool, two, lane // 4) & (cells.path(side.begin) != cells.path(side.end))
-    # A side that two cells share is sought by the upper or left one of them.
-    above, left = (side.k == 0) & (here.j > 0), (side.k == 3) & (here.i > 0)
-    other = here.corner - dr.select(above, here.across, 1)
-    crossed &= ~dr.gather(mi.Bool, marked, other, above | left)
-    mine = dr.compress(crossed)
+    mine: Any = dr.compress(_sought(cells, close, two))
     if not dr.width(mine):
         return found
 
-    side = _side(cells, close, mine)
-    here = side.here
-    x = here.x + dr.select(side.k == 1, here.step, 0)
-    y = here.y + dr.select(side.k == 2, here.step, 0)
-    dx, dy = dr.select(side.down, 0, here.step), dr.select(side.down, here.step, 0)
-    colours = cells.colour(side.begin), cells.colour(side.end)
-    paths = cells.path(side.begin), cells.path(side.end)
+    here, k = cells.some(dr.gather(mi.UInt32, close, mine // 4)), mine % 4
+    down = (k & 1) != 0
+    x, y = here.x + dr.select(k == 1, here.step, 0), here.y + dr.select(k == 2, here.step, 0)
+    dx, dy = dr.select(down, 0, here.step), dr.select(down, here.step, 0)
+    begin = here.corner + dr.select(k == 1, mi.UInt32(1), dr.select(k == 2, here.across, 0))  # left or upper end
+    end = begin + dr.select(down, here.across, 1)
+    colours, paths = (cells.colour(begin), cells.colour(end)), (cells.path(begin), cells.path(end))
     contrast, area = norm(colours[0] - colours[1]), here.step * here.step
 
     def negligible(difference: Any) -> Any:
@@ -111,8 +96,9 @@ def crossings(look: Look, cells: Cells, close: Any, two: Any, limit: Any) -> Any
         return (high - low > fine) & ~unclear
 
     state = (mi.Float(0), dr.full(mi.Float, 1, dr.width(mine)), mi.Bool(False))
-    sought: Any = dr.while_loop(state, goes_on, step, label="crossings")
-    low, high, unclear = sought
-    dr.scatter(found, dr.select(unclear, -1, 0.5 * (low + high)), side.number)
+    bisected: Any = dr.while_loop(state, goes_on, step, label="crossings")
+    low, high, unclear = bisected
+    number = 2 * begin + dr.select(down, mi.UInt32(1), 0)  # see `sides`
+    dr.scatter(found, dr.select(unclear, -1, 0.5 * (low + high)), number)
     dr.eval(found)
     return found

@@ -185,8 +185,9 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     error = dr.select(failed, dr.maximum(dr.maximum(before.error, OF_RANGE * area * off), 1.001 * limit), error)
     # Here, since each scatter may start a kernel of its own; and nothing may wait for what is written over, or it would
     # be copied.
-    dr.eval(value, error, seen.surprise, *before)
-    dr.scatter(estimate.value, value, close, (error <= limit) & (is_edge | bent))
+    fits = (error <= limit) & (is_edge | bent)
+    dr.eval(value, error, fits, seen.surprise, *before)
+    dr.scatter(estimate.value, value, close, fits)
     dr.scatter(estimate.error, error, close)
     dr.scatter(estimate.surprise, seen.surprise, close)
     dr.eval(*estimate)

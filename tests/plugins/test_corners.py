@@ -29,9 +29,8 @@ def test_the_error_of_one_path_is_that_of_its_differences(llvm_ad_rgb, width, he
     found[np.array(some.j)[inside], np.array(some.i)[inside]] = np.array(estimate.error)[inside]
 
     def along(samples, at):
-        """Take the largest of what second and third differences say, of the four samples next to a side."""
-        first = max(0, min(at - 1, len(samples) - 4))
-        some = samples[first : first + 4].astype(float)
+        """Take the largest of what second and third differences say, of a side's ends and the samples next to them."""
+        some = samples[max(0, at - 1) : at + 3].astype(float)
         said = [np.zeros(3), *(OF_BEND * each for each in np.diff(some, 2, axis=0))]
         return max(
             np.sqrt(np.mean(each**2)) for each in (*said, *(OF_STEP * each for each in np.diff(some, 3, axis=0)))
@@ -79,9 +78,9 @@ def test_clutter_is_averaged_as_if_it_were_what_it_mostly_turns_out_to_be(llvm_a
         return mi.Vector4f(colour, colour, colour, 1), path
 
     def guessed(part):
-        asked, averaged, parts = [], [], UNTOUCHED.copy()
+        asked, averaged, parts = [], [], averages.OF_KIND.copy()
         parts[Kind.CLUTTER] = part
-        monkeypatch.setattr(antialias, "UNTOUCHED", parts)
+        monkeypatch.setattr(antialias, "OF_KIND", parts)
         monkeypatch.setattr(antialias, "needed", lambda *some: asked.append(some) or averages.needed(*some))
         monkeypatch.setattr(antialias, "suffice", lambda *_: True)
         monkeypatch.setattr(antialias, "average_to", lambda *some: averaged.append(some[3]))
@@ -94,3 +93,4 @@ def test_clutter_is_averaged_as_if_it_were_what_it_mostly_turns_out_to_be(llvm_a
     assert np.any(clutter)
     assert not np.all(clutter)
     assert np.array_equal(half, np.where(clutter, 0.5, 1) * once)
+    assert averages.OF_KIND[Kind.CLUTTER] == np.float32(UNTOUCHED[Kind.CLUTTER])

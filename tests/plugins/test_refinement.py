@@ -218,7 +218,7 @@ def test_averages_of_what_corners_do_not_tell_are_expected_to_be_further_off(llv
 
     def expected(factor):
         asked = []
-        monkeypatch.setattr(antialias, "UNSEEN", factor)
+        monkeypatch.setattr(antialias, "OF_KIND", np.array([factor, *averages.OF_KIND[1:]], np.float32))
         monkeypatch.setattr(antialias, "needed", lambda *some: asked.append(some) or averages.needed(*some))
         drawn(look, 64, 64, target)
         errors, hides, _ = asked[0]
@@ -231,7 +231,7 @@ def test_averages_of_what_corners_do_not_tell_are_expected_to_be_further_off(llv
     assert np.any(hides)
     assert np.all(raised[hides])
     assert np.any(raised[~hides]) == (of_path == 0)
-    assert averages.UNSEEN > 1
+    assert averages.OF_KIND[0] > 1
 
 
 def test_averages_in_parts_of_pixels_are_expected_to_be_further_off(llvm_ad_rgb, monkeypatch):
