@@ -112,7 +112,8 @@ def average(
     """
     ends = np.cumsum(counts, dtype=np.int64)
     begins = np.searchsorted(ends, np.arange(0, counts.sum(dtype=np.int64), AT_ONCE), side="right")
-    for begin, end in itertools.pairwise([*np.unique(begins).tolist(), len(counts)]):
+    begins = np.unique(begins)  # a cell of more than AT_ONCE is found again and again
+    for begin, end in itertools.pairwise([*begins.tolist(), len(counts)]):
         batch = slice(begin, end)
         _average(look, some, estimate, owned(chosen[batch]), owned(counts[batch]), owned(guessed[batch]))
 

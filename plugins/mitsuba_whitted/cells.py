@@ -99,7 +99,7 @@ class Cells(NamedTuple):
         return self._replace(x=x, y=y, corner=corner, inside=inside, i=i, j=j)
 
     def colour(self, sample: Any, active: Any = True) -> Any:
-        """Colour and alpha of samples, by number."""
+        """Colour and alpha of samples, by number; 0 where not `active`."""
         return dr.gather(mi.Vector4f, self.colours, sample, active)
 
     def path(self, sample: Any) -> Any:

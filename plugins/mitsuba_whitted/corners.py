@@ -77,7 +77,9 @@ def _range_around(some: Cells, where: Any, low: Any, high: Any) -> tuple[Any, An
 def _bend(some: Cells, colours: list[Any]) -> Any:
     """Estimate the error by differences along the sides: across and down, each by the largest of those that touch it.
 
-    They are taken over edges too: this is how the cells next to an edge come to a sample in the centre.
+    They are taken over edges too: this is how the cells next to an edge come to a sample in the centre. Where the
+    lattice ends, at the border of a band of rows or of a split cell, one of the two second differences at a side is
+    missing, and the third, which is that of both: a step shows less there.
     """
     corners = some.corners()
 
@@ -92,5 +94,5 @@ def _bend(some: Cells, colours: list[Any]) -> Any:
             step = dr.maximum(step, dr.select(before & after, square(second - first), 0))
         return dr.sqrt(dr.maximum(OF_BEND**2 * bend, OF_STEP**2 * step))
 
-    across = along(some.i, some.across, mi.UInt32(1), ((0, 1), (3, 2)))
+    across = along(some.i, some.across, 1, ((0, 1), (3, 2)))
     return across + along(some.j, some.down, some.across, ((0, 3), (1, 2)))

@@ -40,20 +40,19 @@ def sides(cells: Cells) -> list[Any]:
 
 
 def _sought(cells: Cells, close: Any, two: Any) -> Any:
-    """Tell which sides of the cells `close` are to be sought, clockwise from the top, four numbers a cell.
+    """Tell which sides are to be sought of the cells `close`, if they have `two` paths: four a cell, as in `sides`.
 
-    A side that two cells share is sought by the upper or left one of them.
+    A side that two such cells share is sought by the upper or left one of them.
     """
     here = cells.some(close)
     marked = dr.zeros(mi.Bool, cells.samples)
     dr.scatter(marked, mi.Bool(True), here.corner, two)
     paths = [cells.path(sample) for sample in here.corners()]
-    above, left = two & (here.j > 0), two & (here.i > 0)
-    above = dr.gather(mi.Bool, marked, here.corner - here.across, above)
-    left = dr.gather(mi.Bool, marked, here.corner - 1, left)
+    above = dr.gather(mi.Bool, marked, here.corner - here.across, two & (here.j > 0))
+    left = dr.gather(mi.Bool, marked, here.corner - 1, two & (here.i > 0))
     sought = dr.empty(mi.Bool, 4 * dr.width(close))
-    for k, others in enumerate((above, mi.Bool(False), mi.Bool(False), left)):
-        crossed = two & (paths[k] != paths[(k + 1) % 4]) & ~others
+    for k, elsewhere in enumerate((above, mi.Bool(False), mi.Bool(False), left)):
+        crossed = two & (paths[k] != paths[(k + 1) % 4]) & ~elsewhere
         dr.scatter(sought, crossed, 4 * dr.arange(mi.UInt32, dr.width(close)) + k, mode=dr.ReduceMode.Permute)
     return sought
 

@@ -183,9 +183,9 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
     value, error, failed = _concluded(task, seen)
     off = dr.maximum(seen.off, dr.select(two, contrast, 0))
     error = dr.select(failed, dr.maximum(dr.maximum(before.error, OF_RANGE * area * off), 1.001 * limit), error)
-    # Here, since each scatter may start a kernel of its own; and nothing may wait for what is written over, or it would
-    # be copied.
     fits = (error <= limit) & (is_edge | bent)
+    # All of it here, since each scatter may start a kernel of its own, which would compute anew what it needs; and
+    # nothing may wait for what is written over, or it would be copied.
     dr.eval(value, error, fits, seen.surprise, *before)
     dr.scatter(estimate.value, value, close, fits)
     dr.scatter(estimate.error, error, close)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -13,7 +11,7 @@ import pytest
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (1, 6), (2, 3), (5, 2), (9, 7)])
 def test_the_error_of_one_path_is_that_of_its_differences(llvm_ad_rgb, width, height):
     from mitsuba_whitted import cells
-    from mitsuba_whitted.corners import OF_BEND, OF_STEP, from_corners
+    from mitsuba_whitted.corners import from_corners
 
     shown = np.random.default_rng(width).random((height + 1, width + 1, 3)).astype(np.float32)
     table = mi.Float(shown.ravel())
@@ -28,6 +26,34 @@ def test_the_error_of_one_path_is_that_of_its_differences(llvm_ad_rgb, width, he
     inside = np.array(some.inside)
     found[np.array(some.j)[inside], np.array(some.i)[inside]] = np.array(estimate.error)[inside]
 
+    _assert_bends(found, shown)
+
+
+def test_cells_of_one_split_are_not_compared_with_those_of_another(llvm_ad_rgb):
+    from mitsuba_whitted import cells
+    from mitsuba_whitted.corners import _bend
+
+    shown = np.random.default_rng(6).random((5, 7, 3)).astype(np.float32)  # at every half pixel of 3 x 2
+    table = mi.Float(shown.ravel())
+
+    def look(x, y, active):
+        colour = dr.gather(mi.Color3f, table, mi.UInt32(2 * y) * 7 + mi.UInt32(2 * x), active)
+        return mi.Vector4f(colour.x, colour.y, colour.z, 1), mi.UInt32(0)
+
+    some = cells.pixels(look, 3, 0, 2)
+    split = dr.compress(some.inside)
+    i, j = (np.array(dr.gather(mi.UInt32, part, split)) for part in (some.i, some.j))
+    parts = cells.quarters(look, some, split)
+    found = np.array(_bend(parts, [parts.colour(sample) for sample in parts.corners()])).reshape(-1, 2, 2)
+    assert len(found) == 6
+    for of_split, column, row in zip(found, i, j, strict=True):
+        _assert_bends(of_split, shown[2 * row : 2 * row + 3, 2 * column : 2 * column + 3])
+
+
+def _assert_bends(found, shown):
+    """Compare errors of cells, (rows, columns), with what the samples at their corners say, (rows + 1, columns + 1)."""
+    from mitsuba_whitted.corners import OF_BEND, OF_STEP
+
     def along(samples, at):
         """Take the largest of what second and third differences say, of a side's ends and the samples next to them."""
         some = samples[max(0, at - 1) : at + 3].astype(float)
@@ -36,7 +62,7 @@ def test_the_error_of_one_path_is_that_of_its_differences(llvm_ad_rgb, width, he
             np.sqrt(np.mean(each**2)) for each in (*said, *(OF_STEP * each for each in np.diff(some, 3, axis=0)))
         )
 
-    for j, i in itertools.product(range(height), range(width)):
+    for j, i in np.ndindex(found.shape):
         across = max(along(shown[j + side], i) for side in (0, 1))
         down = max(along(shown[:, i + side], j) for side in (0, 1))
         # Differences of numbers below 1: three roundings each, of at most 4; squares, their sum, the weight and root.
@@ -93,4 +119,5 @@ def test_clutter_is_averaged_as_if_it_were_what_it_mostly_turns_out_to_be(llvm_a
     assert np.any(clutter)
     assert not np.all(clutter)
     assert np.array_equal(half, np.where(clutter, 0.5, 1) * once)
+    assert averages.OF_KIND[Kind.EDGE] == 1
     assert averages.OF_KIND[Kind.CLUTTER] == np.float32(UNTOUCHED[Kind.CLUTTER])

@@ -220,6 +220,34 @@ def test_a_third_path_counts_unless_it_is_faint_and_only_the_last_step_of_a_sear
     assert np.all(np.array(top) == (5 / 16 if clear else -1))
 
 
+@pytest.mark.parametrize("without", [None, 8])
+@pytest.mark.parametrize("upright", [True, False])
+def test_a_side_is_sought_once_by_whichever_of_its_cells_is_looked_at(llvm_ad_rgb, upright, without):
+    # An edge through 16 cells in a row, of which one may not be looked at: others have its two sides too.
+    from mitsuba_whitted import cells
+    from mitsuba_whitted.crossings import CROSSING, crossings, sides
+
+    taken = dr.zeros(mi.UInt32, 1)
+
+    def look(x, y, active):
+        counts = active & (x > -dr.inf)  # as wide as the samples
+        dr.scatter_add(taken, mi.UInt32(1), mi.UInt32(0), counts)
+        beyond = (x if upright else y) > 5.37
+        return mi.Vector4f(dr.select(beyond, mi.Float(1), 0)), dr.select(beyond, mi.UInt32(7), 5)
+
+    some = cells.pixels(look, 16, 0, 16)
+    dr.eval(some.colours, some.paths)
+    corners = int(taken[0])
+    place, along = (some.i, some.j) if upright else (some.j, some.i)
+    cut = dr.compress(some.inside & (place == 5))
+    two = dr.full(mi.Bool, True, 16) if without is None else dr.gather(mi.UInt32, along, cut) != without
+    found = crossings(look, some, cut, two, dr.opaque(mi.Float, CROSSING / 8))
+    assert int(taken[0]) - corners == 17 * 3  # halved to an eighth
+    crossed = sides(some.some(cut))
+    for side in (crossed[0], crossed[2]) if upright else (crossed[3], crossed[1]):
+        assert np.all(np.array(dr.gather(mi.Float, found, side)) == 5 / 16)
+
+
 @pytest.mark.parametrize(
     ("tip", "middle", "width", "fewest", "most"),
     [(10.9, 10.6, 0.4, 1, 1), (10.9, 10.75, 0.2, 2, 20), (10, 10.6, 0.4, 20, 20)],

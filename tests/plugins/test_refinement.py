@@ -207,6 +207,7 @@ def test_only_cells_that_were_averaged_over_in_vain_are_split(llvm_ad_rgb, monke
 @pytest.mark.parametrize(("of_path", "target"), [(0, 2e-2), (1, 2e-3)])  # few checks meet no step, many the strip
 def test_averages_of_what_corners_do_not_tell_are_expected_to_be_further_off(llvm_ad_rgb, monkeypatch, of_path, target):
     from mitsuba_whitted import antialias, averages
+    from mitsuba_whitted.cells import Kind
 
     # A strip that no corner meets, an edge of several bends, and a step like it, the edge of a path or of none.
     def look(x, y, active):
@@ -217,8 +218,9 @@ def test_averages_of_what_corners_do_not_tell_are_expected_to_be_further_off(llv
         return mi.Vector4f(colour, colour, colour, 1), dr.select(strip, mi.UInt32(2), path)
 
     def expected(factor):
-        asked = []
-        monkeypatch.setattr(antialias, "OF_KIND", np.array([factor, *averages.OF_KIND[1:]], np.float32))
+        asked, parts = [], averages.OF_KIND.copy()
+        parts[Kind.SMOOTH] = factor
+        monkeypatch.setattr(antialias, "OF_KIND", parts)
         monkeypatch.setattr(antialias, "needed", lambda *some: asked.append(some) or averages.needed(*some))
         drawn(look, 64, 64, target)
         errors, hides, _ = asked[0]
@@ -231,7 +233,7 @@ def test_averages_of_what_corners_do_not_tell_are_expected_to_be_further_off(llv
     assert np.any(hides)
     assert np.all(raised[hides])
     assert np.any(raised[~hides]) == (of_path == 0)
-    assert averages.OF_KIND[0] > 1
+    assert averages.OF_KIND[Kind.SMOOTH] > 1
 
 
 def test_averages_in_parts_of_pixels_are_expected_to_be_further_off(llvm_ad_rgb, monkeypatch):
