@@ -133,7 +133,7 @@ def test_the_edited_scenes_hold_every_class_and_key_that_any_scene_holds(llvm_ad
     assert keys_of([path.stem for path in SCENES.glob("*.xml")]) <= keys_of(EDITED_SCENES)
 
 
-def _ball(**blinnphong: float) -> mi.Scene:
+def _ball(**blinnphong: Any) -> mi.Scene:
     return mi.load_dict(
         {
             "type": "scene",
@@ -178,6 +178,23 @@ def test_two_edits_before_one_picture_both_count(llvm_ad_rgb: str) -> None:
     again["ball.to_world"] = mi.ScalarTransform4f().translate([0, 0, 4]).scale(0.8)
     again.update()
     assert _bytes(scene) == _bytes(expected)
+
+
+@pytest.mark.parametrize("channel", range(3))
+def test_an_edit_of_a_single_channel_is_noticed(llvm_ad_rgb: str, channel: int) -> None:
+    colour = [0.2, 0.4, 0.6]
+
+    def ball() -> mi.Scene:
+        return _ball(diffuse_reflectance={"type": "rgb", "value": colour})
+
+    scene = ball()
+    before = _bytes(scene)
+    parameters = mi.traverse(scene)
+    key = "ball.bsdf.diffuse_reflectance.value"
+    parameters[key][channel] = colour[channel] = 0.9
+    parameters.set_dirty(key)
+    parameters.update()
+    assert _bytes(scene) == _bytes(ball()) != before
 
 
 def test_another_material_given_to_a_shape_is_noticed(llvm_ad_rgb: str) -> None:
