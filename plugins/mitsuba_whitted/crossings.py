@@ -68,11 +68,12 @@ def crossings(look: Look, cells: Cells, close: Any, two: Any, limit: Any) -> Any
         return found
 
     here, k = cells.some(dr.gather(mi.UInt32, close, mine // 4)), mine % 4
-    down = (k & 1) != 0
+    top, right, bottom, left = sides(here)
+    number = dr.select(k == 0, top, dr.select(k == 1, right, dr.select(k == 2, bottom, left)))
+    begin, down = number // 2, number % 2 == 1
+    end = begin + dr.select(down, here.across, 1)
     x, y = here.x + dr.select(k == 1, here.step, 0), here.y + dr.select(k == 2, here.step, 0)
     dx, dy = dr.select(down, 0, here.step), dr.select(down, here.step, 0)
-    begin = here.corner + dr.select(k == 1, mi.UInt32(1), dr.select(k == 2, here.across, 0))  # left or upper end
-    end = begin + dr.select(down, here.across, 1)
     colours, paths = (cells.colour(begin), cells.colour(end)), (cells.path(begin), cells.path(end))
     contrast, area = norm(colours[0] - colours[1]), here.step * here.step
 
@@ -97,7 +98,6 @@ def crossings(look: Look, cells: Cells, close: Any, two: Any, limit: Any) -> Any
     state = (mi.Float(0), dr.full(mi.Float, 1, dr.width(mine)), mi.Bool(False))
     bisected: Any = dr.while_loop(state, goes_on, step, label="crossings")
     low, high, unclear = bisected
-    number = 2 * begin + dr.select(down, mi.UInt32(1), 0)  # see `sides`
     dr.scatter(found, dr.select(unclear, -1, 0.5 * (low + high)), number)
     dr.eval(found)
     return found
