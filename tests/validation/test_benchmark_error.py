@@ -219,6 +219,20 @@ def test_of_several_scenes_the_median_counts() -> None:
     assert of(verdicts(results), "worst pixel") == "not met"
 
 
+def test_scenes_without_times_count_for_rays_worst_pixels_and_nothing_else() -> None:
+    flat = [replace(point(TARGET, (4.0**k) ** -0.25, 100 * 4.0**k, worst=2.1), cost=None) for k in range(27)]
+    counted = {target for target in verdicts(Results()) if "the rays of" in target or "worst pixel" in target}
+    for factor, known in ((0.01, "in at most 5 times"), (1.0, "more steeply")):
+        results = measured(factor=factor)
+        before = verdicts(results)
+        assert "met" in {verdict for target, verdict in before.items() if known in target}
+        dear = [(kind, replace(each, points=[*each.of(GRID), *flat])) for kind, each in results.scenes.items()]
+        results.untimed = [*dear, *dear]
+        after = verdicts(results)
+        assert {target for target in before if after[target] != before[target]} <= counted
+        assert {after[target] for target in counted} == {"not met"}
+
+
 @pytest.mark.parametrize(
     ("kind", "words", "factor"),
     [
@@ -250,8 +264,9 @@ def test_a_gain_is_told_as_a_share_from_median_to_extremes() -> None:
 
 def test_small_pictures_of_other_scenes_meet_nothing_either() -> None:
     results = measured()
-    results.redrawn = [("a", measured(size=FULL.size // 2).scenes["a"])]
-    assert set(verdicts(results).values()) == {"not measured"}
+    small = [("a", measured(size=FULL.size // 2).scenes["a"])]
+    for drawn in ({"redrawn": small}, {"untimed": small}):
+        assert set(verdicts(replace(results, **drawn)).values()) == {"not measured"}
 
 
 def test_a_worse_pixel_than_twice_the_grids_is_told() -> None:
@@ -450,6 +465,14 @@ def test_the_quick_benchmark_writes_data_and_a_page(tmp_path: Path) -> None:
     assert facts["redrawn"][0]["seed"] == facts["scenes"]["a"]["seed"] + 1
     points = facts["scenes"]["a"]["points"]
     ways = {"grid", "without a target", "target error", *CHECKS, ORACLE}
+    (untimed,) = facts["untimed"]
+    assert (untimed["kind"], untimed["seed"]) == ("a", facts["scenes"]["a"]["seed"] + 2)
+    assert {point["way"] for point in untimed["points"]} == ways
+    for each, is_timed in ((facts["redrawn"][0], True), (untimed, False)):
+        ours = [point for point in each["points"] if point["way"] == "target error"]
+        assert {point[cost] is not None for point in ours for cost in ("cost", "bare", "busy")} == {is_timed}
+        assert all(point["rays"] > 1 for point in ours)
+    assert {kept["scene"] for kept in facts["kept"]} >= {f"scene a, seed {untimed['seed']}"}
     if povray.version() is None:
         assert "scene a: POV-Ray is not installed" in facts["notes"]
     else:

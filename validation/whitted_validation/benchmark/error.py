@@ -100,6 +100,7 @@ class Results:
     ----------
     scenes : by letter
     redrawn : letters, and more scenes of these kinds, from the seeds that follow; no POV-Ray
+    untimed : still more, of which no times are taken
     peers : scene a with one light and without mirrors, where `path` and `direct` converge to the same picture
     epsilon : RMSE of one sample a pixel with the textbook's constant, against one without
     shadows : points that it puts in the wrong light
@@ -112,6 +113,7 @@ class Results:
 
     scenes: dict[str, Curves] = field(default_factory=dict)
     redrawn: list[tuple[str, Curves]] = field(default_factory=list)
+    untimed: list[tuple[str, Curves]] = field(default_factory=list)
     peers: Curves | None = None
     epsilon: list[Point] = field(default_factory=list)
     shadows: list[Wrong] = field(default_factory=list)
@@ -122,10 +124,17 @@ class Results:
     seconds: float = 0.0
     complete: bool = False
 
+    def drawn(self) -> list[tuple[str, Curves]]:
+        """Return all scenes in the order in which they are drawn, each with its letter."""
+        return [*self.scenes.items(), *self.redrawn, *self.untimed]
+
+    def timed(self, kind: str) -> list[Curves]:
+        """Return the scenes of a kind whose times are taken."""
+        return [curves for letter, curves in (*self.scenes.items(), *self.redrawn) if letter == kind]
+
     def of(self, kind: str) -> list[Curves]:
         """Return all scenes of a kind."""
-        drawn = [*self.scenes.items(), *self.redrawn]
-        return [curves for letter, curves in drawn if letter == kind]
+        return [curves for letter, curves in self.drawn() if letter == kind]
 
 
 def run(schedule: Schedule, folder: Path, results: Results, told: Callable[[str], None]) -> Iterator[None]:
@@ -154,11 +163,12 @@ def _steps(schedule: Schedule, folder: Path, results: Results, told: Callable[[s
             yield
         if curves.note:
             results.notes.append(f"scene {kind}: {curves.note}")
-    for number, kind in itertools.product(range(1, schedule.draws), schedule.kinds):
+    for number, kind in itertools.product(range(1, schedule.draws + schedule.untimed), schedule.kinds):
         curves = Curves(scenes.KINDS[kind].title, SEED + number, schedule.size)
-        results.redrawn.append((kind, curves))
+        is_timed = number < schedule.draws
+        (results.redrawn if is_timed else results.untimed).append((kind, curves))
         name = f"scene {kind}, seed {curves.seed}"
-        for _ in _curves(name, scenes.write(kind, folder, curves.seed), curves, schedule, told):
+        for _ in _curves(name, scenes.write(kind, folder, curves.seed), curves, schedule, told, is_timed=is_timed):
             _keep(results, name, curves)
             yield
     results.peers = Curves("six balls on a floor, no mirror, one light", SEED, schedule.peers_size)
@@ -188,15 +198,16 @@ def _curves(
     told: Callable[[str], None],
     others: bool = True,
     povray_too: bool = False,
+    is_timed: bool = True,
 ) -> Iterator[None]:
     """Measure our own two curves, if asked for those of other checks and of an oracle, and those of POV-Ray."""
     told(f"{name}: converged picture")
     drawing = Drawing(file, size=str(curves.size))
-    truth, curves.unsure = _converged(drawing, schedule)
+    truth, curves.unsure = _converged(drawing, schedule.converged if is_timed else schedule.converged_untimed)
     curves.checked = compare(pixels(drawing.to(schedule.refined)), truth).rmse
     hidden = drawing.hidden(LOOKS)
     curves.hidden = int(hidden.sum())
-    one = Timed(drawing.grid(ONE_SAMPLE), curves.size)
+    one = Timed(drawing.grid(ONE_SAMPLE), curves.size) if is_timed else None
     curves.rays = drawing.rays_of_grid(ONE_SAMPLE)
     yield
     for n in schedule.grids:
@@ -211,8 +222,10 @@ def _curves(
         by_pixel[target] = drawing.rays_by_pixel(target)
         traced = int(by_pixel[target].sum()) / curves.rays
         point = picture_point(way, target, drawing.to(target), truth, schedule, one, traced, hidden)
-        bare = timed(drawing.bare(target), one, curves.size, schedule)
-        curves.points.append(replace(point, bare=bare, busy=busy(drawing.to(target), curves.size)))
+        if one is not None:
+            bare = timed(drawing.bare(target), one, curves.size, schedule)
+            point = replace(point, bare=bare, busy=busy(drawing.to(target), curves.size))
+        curves.points.append(point)
         yield
     for (way, checks), target in itertools.product(CHECKS.items() if others else (), schedule.targets):
         told(f"{name}: target error {target:g}, {way}")
@@ -227,7 +240,7 @@ def _curves(
             picture, traced = oracle.choose(point.rmse)
             curves.points.append(compared(ORACLE, point.knob, picture, truth, None, traced / curves.rays, hidden))
             yield
-    if not povray_too:
+    if not povray_too or one is None:
         return
     try:
         for point in by_povray(name, file, one, curves.rays, truth, hidden, schedule, told):
@@ -237,10 +250,10 @@ def _curves(
         curves.note = str(error)
 
 
-def _converged(drawing: Drawing, schedule: Schedule) -> tuple[Image, float]:
+def _converged(drawing: Drawing, samples: int) -> tuple[Image, float]:
     """Draw the converged picture; return how unsure it is as well, see `Curves`."""
-    truth = drawing.converged(schedule.converged)
-    return truth, compare(drawing.converged(schedule.converged // 2), truth).rmse
+    truth = drawing.converged(samples)
+    return truth, compare(drawing.converged(samples // 2), truth).rmse
 
 
 def _keep(results: Results, name: str, curves: Curves) -> None:
@@ -280,7 +293,7 @@ def _random(seed: int, folder: Path, results: Results, schedule: Schedule) -> No
     """See whether target errors are kept in a scene of anything."""
     file, _ = random_scenes.write(folder, seed, *schedule.random_size)
     drawing = Drawing(file)
-    truth, unsure = _converged(drawing, schedule)
+    truth, unsure = _converged(drawing, schedule.converged)
     one = drawing.rays_of_grid(ONE_SAMPLE)
     for target in PROMISED:
         rmse = compare(pixels(drawing.to(target)), truth).rmse

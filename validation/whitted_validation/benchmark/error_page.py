@@ -18,6 +18,7 @@ results.json, besides what every command writes
             ways `target error` and `without a target`, whose knob is an error above any), busy (times of all kernels in
             parts of the wall time; likewise)
     redrawn    the same of more scenes of these kinds, with their kind; no POV-Ray
+    untimed    the same of still more, without times
     peers      the same of the scene that `path` and `direct` draw alike
     epsilon    points of the textbook's constant; knob is the constant, in world units
     shadows    share of points in the wrong light: case, by_epsilon (pairs), ours (without a constant)
@@ -86,6 +87,7 @@ def write(folder: Path, results: Results, schedule: Schedule, quick: bool) -> No
         "povray": results.povray,
         "scenes": {kind: _curves_facts(curves) for kind, curves in results.scenes.items()},
         "redrawn": [{"kind": kind} | _curves_facts(curves) for kind, curves in results.redrawn],
+        "untimed": [{"kind": kind} | _curves_facts(curves) for kind, curves in results.untimed],
         "peers": _curves_facts(results.peers) if results.peers else None,
         "epsilon": [plain(point) for point in results.epsilon],
         "shadows": [plain(each) for each in results.shadows],
@@ -158,7 +160,7 @@ def lines(results: Results) -> Iterator[str]:
 
 def _all(results: Results) -> Iterator[tuple[str, Curves]]:
     """Return all scenes, in the order in which they are drawn."""
-    yield from _named([*results.scenes.items(), *results.redrawn])
+    yield from _named(results.drawn())
     yield from _peers(results)
 
 
@@ -194,14 +196,14 @@ def sections(results: Results, schedule: Schedule, quick: bool) -> list[Section]
             "knows how far off each pixel is, and takes it from that refined picture where it gains most for its rays; "
             "what refinement takes beyond that is the price of guessing, and of the oracle's luck. "
             "Of several scenes of a kind the median of what each takes counts, and single pictures one by one; POV-Ray "
-            "draws the first. The seeds of the scenes come from the number of the commit "
+            f"draws the first. {_without_times(schedule)}The seeds of the scenes come from the number of the commit "
             f"after which no constant of the refinement was changed, `{FROZEN}`."
         ),
         targets_table(held, quick),
     ]
     for name, curves in [*_named(results.scenes.items()), *_peers(results)]:
         parts.append(_scene(name, curves, schedule))
-    if results.redrawn:
+    if results.redrawn or results.untimed:
         parts.append(_redrawn(results))
     if results.kept:
         parts.append(_kept(results))
@@ -219,6 +221,15 @@ def _by_povray(results: Results) -> str:
     if results.povray is None:
         return ""
     return f"POV-Ray {results.povray} draws the same scenes; its times are those of its phase that traces. "
+
+
+def _without_times(schedule: Schedule) -> str:
+    if not schedule.untimed:
+        return ""
+    return (
+        f"Of {schedule.untimed} more of each kind rays and errors are taken but no times, against lattices of "
+        f"{schedule.converged_untimed} samples; they count for rays, the worst pixel and the promise. "
+    )
 
 
 def _scene(name: str, curves: Curves, schedule: Schedule) -> Group:

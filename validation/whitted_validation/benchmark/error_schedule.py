@@ -16,10 +16,13 @@ class Schedule:
     ----------
     kinds : letters of the scenes
     draws : how many scenes of each kind; all but the first are drawn by our own ways only
+    untimed : how many more, of which no times are taken: rays and errors are the same on any machine, and a median of
+        few scenes is that of their draw
     size : of their pictures, in pixels
     grids : samples along the side of a pixel
     targets : target errors; close enough that a curve's chords, which lie above it, tell as much as those of the grids
-    converged : samples a pixel of the converged pictures, at most
+    converged, converged_untimed : samples a pixel of the converged pictures, at most; the second of scenes without
+        times
     refined : target error of the picture that they are checked against
     samplers, spp, peers_size : for Mitsuba's integrators, on scene a with one light
     epsilons : the textbook's constants, world units
@@ -31,10 +34,12 @@ class Schedule:
 
     kinds: str
     draws: int
+    untimed: int
     size: int
     grids: tuple[int, ...]
     targets: tuple[float, ...]
     converged: int
+    converged_untimed: int
     refined: float
     samplers: tuple[str, ...]
     spp: tuple[int, ...]
@@ -53,16 +58,19 @@ class Schedule:
         with_others = curves + (len(CHECKS) + 1) * len(self.targets)  # and an oracle
         peers = curves + 1 + len(self.samplers) * len(PEERS) * len(self.spp)
         first = len(self.kinds) * (with_others + 2 + len(self.povray))
-        return first + len(self.kinds) * (self.draws - 1) * (with_others + 1) + peers + 1 + self.random + 1
+        more = len(self.kinds) * (self.draws - 1 + self.untimed) * (with_others + 1)
+        return first + more + peers + 1 + self.random + 1
 
 
 FULL = Schedule(
     kinds="abc",
     draws=3,
+    untimed=6,
     size=512,
     grids=(1, 2, 3, 4, 6, 8, 12, 16),
     targets=(3e-2, 1.5e-2, 1e-2, 7e-3, 5e-3, 4e-3, 3e-3, 2e-3, 1.4e-3, 1e-3, 7e-4, 5e-4, 4e-4, 3e-4, 2e-4, 1e-4),
     converged=4181,
+    converged_untimed=1597,
     refined=3e-5,
     samplers=("independent", "stratified", "multijitter"),
     spp=(1, 4, 16, 64, 256),
@@ -83,10 +91,12 @@ FULL = Schedule(
 QUICK = Schedule(
     kinds="a",
     draws=2,
+    untimed=1,
     size=64,
     grids=(1, 2, 4),
     targets=(1e-2, 3e-3, 1e-3),
     converged=233,
+    converged_untimed=144,
     refined=1e-3,
     samplers=("independent",),
     spp=(1, 4),
