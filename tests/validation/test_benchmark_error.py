@@ -210,7 +210,7 @@ def test_of_several_scenes_the_median_counts() -> None:
         assert of(verdicts(results), words) == verdict
         (text,) = [outcome.measured for outcome in outcomes(results) if words in outcome.target]
         least, most = (costs([each], TARGET, rays, 5e-4)[0] for each in (cheap, dear))
-        assert f"({least:.3g} to {most:.3g})" in text
+        assert f"({least:.4g} to {most:.4g})" in text
     results = measured()
     results.redrawn = [("b", measured(factor=1e6).scenes["b"])]
     (slower,) = [each.measured for each in outcomes(results) if "never slower than the grid" in each.target][:1]

@@ -73,7 +73,7 @@ def speed(quick: bool, report: str | None) -> None:
 def error(quick: bool, report: str | None) -> None:
     """Measure error against cost: grids, pictures to a target error, Mitsuba's own integrators, and POV-Ray.
 
-    Takes 50 minutes on two processors, and longer on a busy machine. What is measured is kept when the
+    Takes an hour on two processors, and longer on a busy machine. What is measured is kept when the
     command is interrupted.
     """
     from whitted_validation import variants

@@ -155,7 +155,7 @@ def _at_most(target: str, drawn: Sequence[Curves], of: Of, rmse: float, most: fl
         beside |= {way: costs(drawn, way, of, rmse) for way in (*CHECKS, ORACLE)}
     beside |= {what: costs(drawn, TARGET, part, rmse) for what, part in PARTS.get(of, {}).items()}
     text = "".join(f"; {what} {statistics.median(each):.3g}" for what, each in beside.items() if each)
-    return Outcome(target, f"{_spread(found)}{text}", statistics.median(found) <= most)
+    return Outcome(target, f"{_spread(found, '{:.4g}')}{text}", statistics.median(found) <= most)
 
 
 def gains(
