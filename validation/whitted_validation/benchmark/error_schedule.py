@@ -16,8 +16,8 @@ class Schedule:
     ----------
     kinds : letters of the scenes
     draws : how many scenes of each kind; all but the first are drawn by our own ways only
-    untimed : how many more, of which no times are taken: rays and errors are the same on any machine, and a median of
-        few scenes is that of their draw
+    untimed : how many more, of which no times are taken: rays and errors take one picture where times take a dozen, and
+        a median of few scenes is that of their draw
     size : of their pictures, in pixels
     grids : samples along the side of a pixel
     targets : target errors; close enough that a curve's chords, which lie above it, tell as much as those of the grids
