@@ -19,9 +19,9 @@ or the cell is split, whichever takes less (`averages`).
 Things that no corner meets show no error. So pixels next to an edge, and some or all others, are checked by samples
 more, the more of them the fewer pixels there are to share the target (`hidden`). Where one finds another colour than
 was expected, the pixels around are checked next to that place, and those around these (`places`). The pixel itself is
-averaged over, and split only as far as its parts bear this out. But where the sample has the path of the corners and is
-no further off than their colours range, it is mostly a bend, and the pixel is split like any other; each of its parts
-gets half of its checks.
+averaged over and never split, since its parts may miss what hides. But where the sample has the path of the corners and
+is no further off than their colours range, it is mostly a bend, and the pixel is split like any other; each of its
+parts gets half of its checks.
 
 The target is kept by estimates, not proven; a thing that no sample meets stays unseen.
 """
@@ -36,7 +36,7 @@ import numpy as np
 
 from mitsuba_whitted import cells
 from mitsuba_whitted.averages import IN_PARTS, OF_KIND, average, average_to, fitted, needed, suffice
-from mitsuba_whitted.cells import Cells, Estimate, Kind, Look, norm
+from mitsuba_whitted.cells import Cells, Estimate, Kind, Look
 from mitsuba_whitted.corners import from_corners
 from mitsuba_whitted.edges import look_closer
 from mitsuba_whitted.hidden import checks, enough, largest_around
@@ -52,11 +52,11 @@ SPLIT_AT_ONCE = 1 << 17
 
 # What follows, and in `averages`, `corners`, `crossings`, `edges`, `hidden`, `places` and `water`, was fitted on scenes
 # a, b and c of the benchmark with seeds 1, 2, 11, 12, 13, 5001 to 5007, 370324, 74491549, 213369292, 365176546 to
-# 365176548, 512702197 to 512702199, 1067804698, 1067804699, 1609383547 to 1609383549, 1623437828, 2492251788 to
-# 2492251790, 3152881891, 3152881893, 3495634084, 3495634085 and 3703242033, and on the random scenes 1000 to 1039, 7000
-# to 7031, 845204831 to 845204862, 1192772526 to 1192772557, 1478252036 to 1478252067, 2319633131 to 2319633160,
-# 2648890011 to 2648890040, 2914742474 to 2914742505, 3373375790 to 3373375821 and 4161697205 to 4161697236, then left
-# alone.
+# 365176548, 512702197 to 512702199, 1067804698, 1067804699, 1341771531 to 1341771539, 1609383547 to 1609383549,
+# 1623437828, 2492251788 to 2492251790, 3152881891, 3152881893, 3495634084, 3495634085 and 3703242033, and on the random
+# scenes 1000 to 1039, 7000 to 7031, 845204831 to 845204862, 1192772526 to 1192772557, 1478252036 to 1478252067,
+# 2319633131 to 2319633160, 2648890011 to 2648890040, 2914742474 to 2914742505, 3373375790 to 3373375821, 4161697205 to
+# 4161697236 and 4180968911 to 4180968942, then left alone.
 
 EVERY = 5
 """Of clutter that seems to be within the limit, such as a texture that is alike at the corners by its period, one pixel
@@ -71,9 +71,6 @@ WORTH_FOLLOWING = 10.0
 next it is likely to make as much. They are guessed as if an edge went through a random place, and what no corner has
 met is much smaller.
 """
-
-SURE = 2.0
-"""An average is further off than this many times its error only where its samples are misleading."""
 
 AIM = 0.6
 """Aimed at, in parts of the target error, for what is not foreseen."""
@@ -189,17 +186,16 @@ def _refine(
     guessed *= OF_KIND[kinds]
     if depth < DEPTH:
         guessed *= IN_PARTS
-    counts = needed(guessed, hides, level)
-    samples = fitted(counts, guessed, left)
+    samples = fitted(needed(guessed, hides, level), guessed, left)
     if suffice(samples):
         above = average_to(look, some, estimate, numbers, samples, guessed, left)
         if above is None:
             return
     else:
-        few = (samples <= LEAST_SAMPLES) | hides  # what hides at any cost: parts are held against its average
-        average(look, some, estimate, numbers[few], counts[few], guessed[few])
+        few = (samples <= LEAST_SAMPLES) | hides  # what hides at any cost: parts of a cell may miss it
+        average(look, some, estimate, numbers[few], samples[few], guessed[few])
         above = level
-    unfit &= estimate.error > opaque(mi.Float(above))
+    unfit &= (estimate.error > opaque(mi.Float(above))) & ~estimate.hides()
     split = dr.compress(unfit)
     count, left = dr.width(split), _left(estimate, some.inside & ~unfit, share, budget)
     for begin in range(0, count, SPLIT_AT_ONCE):
@@ -212,7 +208,7 @@ def _refine(
 def _split(
     look: Look, some: Cells, estimate: Estimate, chosen: Any, checks: Any, target: float, budget: float, depth: int
 ) -> None:
-    """Draw the parts of these cells instead. Where something hides they may miss it: then the average stays."""
+    """Draw the parts of these cells instead."""
     parts = cells.quarters(look, some, chosen)
     of_parts, errors = from_corners(parts, target)
     if depth > 1:
@@ -221,9 +217,6 @@ def _split(
         _refine(look, parts, of_parts, errors, fewer, target, budget, depth - 1)
     part = 4 * dr.arange(mi.UInt32, dr.width(chosen))
     mean = sum(dr.gather(mi.Vector4f, of_parts.value, part + k) for k in range(4)) * 0.25
-    before = estimate.some(chosen)
-    missed = before.hides() & (norm(mean - before.value) * (some.step * some.step) > SURE * before.error)
-    value = dr.select(missed, before.value, mean)
-    dr.eval(value, before.value)  # else all of what is written over would be copied
-    dr.scatter(estimate.value, value, chosen)
+    dr.eval(mean)  # else all of what is written over would be copied
+    dr.scatter(estimate.value, mean, chosen)
     dr.eval(estimate.value)

@@ -17,9 +17,9 @@ from mitsuba_whitted.water import FALL, LEAST_SAMPLES, UNTOUCHED, foreseen, samp
 
 # Fitted as told in `antialias`.
 
-OF_LAUNCHES = 1 << 16
-"""Samples that take as long as the launches of another split, however few the cells: between fewer, where a mesh is
-searched for each, and more, where few shapes are tried one by one.
+OF_LAUNCHES = 1 << 15
+"""Samples that are taken rather than the launches of another split, however few the cells. Those take as long as more,
+where few shapes are tried one by one, but a picture is to be cheap in rays too.
 """
 
 OF_PARTS = 30
@@ -55,9 +55,9 @@ their corners tell; in fine texture by less. Where they have one path, by both f
 neither.
 """
 
-OF_HIDDEN = 16, 4096
-"""Samples where something hides, at least and at most, before all are fitted, be it to fewer: what one of some checks
-met is small, and few may miss it again; how small is not known, and what the most do not settle is split.
+OF_HIDDEN = 16
+"""Samples where something hides at least, before all are fitted, be it to fewer: what one of some checks met is small,
+and few may miss it again.
 """
 
 TOLERANCE = 1.3
@@ -73,7 +73,7 @@ MOST_MORE = 4
 def needed(errors: NDArray[np.float32], hides: NDArray[np.bool_], limit: float) -> NDArray[np.uint32]:
     """Count the samples that cells with these errors are averaged over at this limit; for each an even number."""
     counts = samples_for(errors.astype(float), limit)
-    return _even(np.where(hides, np.clip(counts, *OF_HIDDEN), counts))
+    return _even(np.where(hides, np.maximum(counts, OF_HIDDEN), counts))
 
 
 def fitted(counts: NDArray[np.uint32], errors: NDArray[np.float32], budget: float) -> NDArray[np.uint32]:

@@ -53,7 +53,7 @@ class Estimate(NamedTuple):
     def met(place: Any, hides: Any) -> Any:
         """Tell by one number the place (`places.numbered`) of a sample that did not fit, and whether something hides.
 
-        It does if its path was another, or its colour further off than the corners' range. Else it is mostly a bend.
+        What does not hide is mostly a bend, or an edge more.
         """
         return 2 * place + dr.select(hides, mi.UInt32(1), 0)
 
@@ -66,8 +66,8 @@ class Estimate(NamedTuple):
         return (self.kind == Kind.SMOOTH.value) & (self.surprise > 0)
 
     def hides(self) -> Any:
-        """Tell those of them where something hides, and is no bend."""
-        return self.surprised() & (self.surprise % 2 == 1)
+        """Tell the cells where something hides that parts of them may miss."""
+        return self.surprise % 2 == 1
 
 
 class Cells(NamedTuple):

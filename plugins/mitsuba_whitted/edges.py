@@ -220,10 +220,11 @@ def _look_once(look: Look, task: _Task, phases: _Phases, seen: _Seen) -> _Seen:
     failed |= (seen.phase == _AT_B) & ~(known & ~is_a)
 
     seen = seen._replace(k=k, outward=outward, low=low, high=high)
-    unlike, distance = _unlike(task, seen, at, colour, is_a, known)
+    unlike, distance, astray = _unlike(task, seen, at, colour, is_a, known)
     another = (task.before.kind == Kind.CLUTTER.value) | ((path != parts.path_a) & (path != parts.path_b))
     failed |= (checking | (central & another)) & unlike
-    hides = another | (distance > task.span)
+    within = task.before.kind == Kind.SMOOTH.value
+    hides = dr.select(within, another | (distance > task.span), checking & task.is_edge & known & astray)
     after_check = dr.select(checking & (k >= task.checks), mi.UInt32(_OVER), phases.after_centroids)
     after = dr.select(seen.phase == _AT_A, phases.after_a, after_check)
     after = dr.select(searching, dr.select(found, phases.after_search, seen.phase), after)
@@ -237,8 +238,11 @@ def _look_once(look: Look, task: _Task, phases: _Phases, seen: _Seen) -> _Seen:
     )
 
 
-def _unlike(task: _Task, seen: _Seen, at: Any, colour: Any, is_a: Any, known: Any) -> tuple[Any, Any]:
-    """Tell whether a sample is not what was expected, by more than may be left; and how far off its colour is."""
+def _unlike(task: _Task, seen: _Seen, at: Any, colour: Any, is_a: Any, known: Any) -> tuple[Any, Any, Any]:
+    """Tell whether a sample is not what was expected, by more than may be left; and how far off its colour is.
+
+    And whether it is of the part beyond the edge, too far from that for a bulge: as of a strip that a corner has met.
+    """
     parts, limit = task.parts, task.limit
     arch = 2 * (at.x * (1 - at.x) + at.y * (1 - at.y))  # 1 in the centre, 0 at the corners
     smooth = _between(parts.corners, at) + arch * (seen.colour_a - task.of_corners)
@@ -249,7 +253,8 @@ def _unlike(task: _Task, seen: _Seen, at: Any, colour: Any, is_a: Any, known: An
     # What is off in a part counts by its share of the cell; in the larger half it may be anything.
     share = dr.select(task.is_edge, 2 * dr.select(is_a, parts.area_a, 1 - parts.area_a), 1)
     too_far = task.area * SURPRISE * dr.minimum(share, 1) * distance > limit
-    return too_far | (task.is_edge & (~known | other_side)), distance
+    astray = other_side & (dr.abs(beyond) > LARGEST_BULGE)
+    return too_far | (task.is_edge & (~known | other_side)), distance, astray
 
 
 def _concluded(task: _Task, seen: _Seen) -> tuple[Any, Any, Any]:

@@ -21,7 +21,7 @@ NEAR = 1.0
 makes as much as the whole target.
 """
 
-ANYWHERE = 0.8
+ANYWHERE = 0.5
 """The same with the contrast that edges have in the mean: something else may hide there."""
 
 FAR = 0.25

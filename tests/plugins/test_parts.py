@@ -346,6 +346,36 @@ def test_what_checks_meet_hides_if_its_path_is_another_or_it_is_further_off_than
     assert after.hides()[0] == hides
 
 
+@pytest.mark.parametrize(("begin", "hides"), [(8.35, False), (8.6, True)])
+def test_what_checks_meet_beyond_an_edge_hides_if_it_is_too_far_off_for_a_bulge(llvm_ad_rgb, begin, hides):
+    from mitsuba_whitted import cells
+    from mitsuba_whitted.corners import from_corners
+    from mitsuba_whitted.edges import LARGEST_BULGE, look_closer
+    from mitsuba_whitted.places import numbered, of_check
+
+    # An upright edge, and beyond it more of what lies before it.
+    def more(x, y):
+        return (x > begin) & (x < begin + 0.06) & (y > 8.6) & (y < 8.9)
+
+    def look(x, y, active):
+        left = (x < 8.3) | more(x, y)
+        grey = dr.select(left, mi.Float(1), 0)
+        return mi.Vector4f(grey, grey, grey, 1), dr.select(left, mi.UInt32(2), 1)
+
+    assert (begin - 8.3 > LARGEST_BULGE) == hides == (begin + 0.06 - 8.3 > LARGEST_BULGE)
+    some = cells.pixels(look, 16, 0, 16)
+    estimate, _ = from_corners(some, 1e-3)
+    pixel = dr.compress(some.inside & (some.i == 8) & (some.j == 8))
+    zero, checks = dr.opaque(mi.UInt32, 0, 1), dr.opaque(mi.UInt32, 96, 1)
+    look_closer(look, some, estimate, pixel, checks, zero, dr.opaque(mi.Float, 1e-3))
+    after = estimate.some(pixel)
+    places = [of_check(some.some(pixel), mi.UInt32(k), mi.UInt32(0)) for k in range(1, 95)]  # two at the centroids
+    met = next(at for at in places if more(8 + at.x, 8 + at.y)[0])
+    assert after.surprise[0] == 2 * numbered(met)[0] + hides
+    assert not after.surprised()[0]
+    assert after.hides()[0] == hides
+
+
 @pytest.mark.parametrize("limit", [0.01, 0.1])
 def test_a_step_within_one_path_is_as_far_off_as_an_edge_once_it_is_too_much_for_a_bend(llvm_ad_rgb, limit):
     # A corner of the pixel is another facet of one mesh: the centre is off the mean of the corners by a quarter.

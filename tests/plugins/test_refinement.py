@@ -103,7 +103,7 @@ def test_checks_follow_the_contrast_around(llvm_ad_rgb):
         path = dr.select(bright, mi.UInt32(1), 0) + dr.select(faint, mi.UInt32(1), 0)
         return mi.Vector4f(colour, colour, colour, 1), path
 
-    target = 4e-3
+    target = 1e-3
     some = cells.pixels(look, 64, 0, 16)
     estimate, errors = from_corners(some, target)
     of_each = np.array(hidden.checks(some, estimate, errors, target, 64 * 16))
@@ -114,11 +114,12 @@ def test_checks_follow_the_contrast_around(llvm_ad_rgb):
     assert np.all(found == columns)
     beside = np.isin(np.arange(64), [9, 10, 11]), np.isin(np.arange(64), [39, 40, 41])
     # What hides fills 1/k of a pixel with the contrast around: as much as the whole target. To the faint edge falls
-    # most of the mean contrast, (1 + 0.01) / 2 in squares. The number is cut to a whole one, which takes up to 1; the
-    # steps of the histogram that the mean is of, 2^(1/8) either way, are less.
+    # most of the mean contrast, (1 + 0.01) / 2 in squares. The number is cut to a whole one, which takes up to 1, and
+    # the steps of the histogram that the mean is of are 2^(1/8) either way.
     whole = 1 / (target * math.sqrt(64 * 16))
     assert np.all(columns[beside[0]] == int(hidden.NEAR * whole))
-    assert np.all(np.abs(columns[beside[1]] - hidden.ANYWHERE * whole * math.sqrt(0.505)) <= 1)
+    of_faint = hidden.ANYWHERE * whole * math.sqrt(0.505)
+    assert np.all(np.abs(columns[beside[1]] - of_faint) <= 1 + (2 ** (1 / 8) - 1) * of_faint)
     far = columns[~beside[0] & ~beside[1]]
     assert np.all(far == far[0])
     assert far[0] < columns[40] < columns[10]
@@ -156,29 +157,38 @@ def test_targets_beyond_the_range_of_colours_are_all_or_nothing(llvm_ad_rgb, tar
     assert np.all(np.abs(drawn(look, 6, 3, target) - [0, 0, column, 1, 1, 1]) <= finest)
 
 
-@pytest.mark.parametrize(
-    ("surprise", "error", "stays"), [(0, 1e-3, False), (2, 1e-3, False), (3, 1e-3, True), (3, 1e-2, False)]
-)
-def test_what_hides_and_the_parts_of_a_cell_miss_stays_as_it_was_averaged(llvm_ad_rgb, surprise, error, stays):
-    from mitsuba_whitted import antialias, cells
-    from mitsuba_whitted.corners import from_corners
+@pytest.mark.parametrize("in_vain", [False, True])
+def test_what_hides_is_never_split(llvm_ad_rgb, monkeypatch, in_vain):
+    from mitsuba_whitted import antialias, averages
+    from mitsuba_whitted.cells import Kind
 
-    # A disc of a hundredth of a pixel, at no corner of its quarters.
+    # A strip between two rows of corners, and the wavy edge of a bright ground, next to which it is met.
     def look(x, y, active):
-        inside = (x - 2.27) ** 2 + (y - 1.8) ** 2 < 0.01 / math.pi
-        colour = dr.select(inside, mi.Float(0), 1)
-        return mi.Vector4f(colour, colour, colour, 1), dr.select(inside, mi.UInt32(1), 0)
+        strip, edge = (dr.abs(y - 10.3) < 0.1) & (x < 40), x + 3 * dr.sin(y) > 45.5
+        colour = dr.select(strip | edge, mi.Float(1), 0)
+        return mi.Vector4f(colour, colour, colour, 1), dr.select(strip, mi.UInt32(2), dr.select(edge, mi.UInt32(1), 0))
 
-    some = cells.pixels(look, 4, 0, 4)
-    estimate, _ = from_corners(some, 1e-3)
-    pixel = mi.UInt32(np.flatnonzero((np.array(some.i) == 2) & (np.array(some.j) == 1)).astype(np.uint32))
-    dr.scatter(estimate.value, mi.Vector4f(0.99, 0.99, 0.99, 1), pixel)
-    dr.scatter(estimate.error, mi.Float(error), pixel)
-    dr.scatter(estimate.surprise, mi.UInt32(surprise), pixel)
-    none = dr.zeros(mi.UInt32, dr.width(some.inside))
-    antialias._split(look, some, estimate, pixel, none, 1e-3, 1e-6, 1)
-    found = np.array(estimate.value).reshape(-1, 4)[np.array(pixel), 0]
-    assert found == np.float32(0.99 if stays else 1)
+    met, split = [], []
+    split_for_real = antialias._split
+
+    def spied(look, some, estimate, chosen, *more):
+        hides = estimate.hides() & (estimate.kind == Kind.SMOOTH.value) & some.inside
+        met.append(np.flatnonzero(np.array(hides)).tolist())
+        split.append(np.array(chosen).tolist())
+        split_for_real(look, some, estimate, chosen, *more)
+
+    monkeypatch.setattr(antialias, "_split", spied)
+    if in_vain:
+        monkeypatch.setattr(antialias, "suffice", lambda _: True)
+        monkeypatch.setattr(antialias, "average_to", lambda *some: 1e-9)
+    else:
+        monkeypatch.setattr(averages, "OF_LAUNCHES", 0)
+    picture = drawn(look, 64, 64, 2e-3)
+    assert met[0]
+    assert split[0]
+    assert not set(met[0]) & set(split[0])
+    if not in_vain:
+        assert np.sum((picture[10, :40] - 0.2) ** 2) <= picture.size * 2e-3**2
 
 
 def test_only_cells_that_were_averaged_over_in_vain_are_split(llvm_ad_rgb, monkeypatch):
@@ -230,8 +240,8 @@ def test_averages_of_what_corners_do_not_tell_are_expected_to_be_further_off(llv
     raised = more == 4 * errors
     assert np.all(raised | (more == errors))
     assert np.any(~raised)
-    assert np.any(hides)
-    assert np.all(raised[hides])
+    assert np.any(raised & hides)
+    assert np.all(raised[hides]) == (of_path == 0)  # of both kinds of paths, an edge beyond another hides too
     assert np.any(raised[~hides]) == (of_path == 0)
     assert averages.OF_KIND[Kind.SMOOTH] > 1
 
@@ -261,9 +271,11 @@ def test_averages_in_parts_of_pixels_are_expected_to_be_further_off(llvm_ad_rgb,
 
 
 @pytest.mark.parametrize("slope", [0.15, -0.15, -0.13])
-def test_a_strip_is_followed_from_row_to_row(llvm_ad_rgb, slope):
+@pytest.mark.parametrize(("target", "most"), [(2e-3, 1), (1e-3, 1.5), (5e-4, 1.5)])
+def test_a_strip_is_followed_from_row_to_row(llvm_ad_rgb, slope, target, most):
     # A bright strip of a twentieth of a pixel on black ground, from border to border; corners meet it here and there.
-    size, target = 64, 2e-3
+    # What is so hard on the estimates may be off by 1.5 times the target, as pictures are seldom.
+    size = 64
 
     def look(x, y, active):
         bright = dr.abs(y - 30.37 - slope * (x - 32)) < 0.025
@@ -271,7 +283,7 @@ def test_a_strip_is_followed_from_row_to_row(llvm_ad_rgb, slope):
         return mi.Vector4f(colour, colour, colour, 1), dr.select(bright, mi.UInt32(2), 1)
 
     picture = drawn(look, size, size, target)
-    assert np.sum((picture.sum(axis=0) - 3 * 0.05) ** 2) <= picture.size * target**2
+    assert np.sum((picture.sum(axis=0) - 3 * 0.05) ** 2) <= picture.size * (most * target) ** 2
 
 
 def test_what_hides_is_followed_where_it_lies_next_to_a_pixel(llvm_ad_rgb):
