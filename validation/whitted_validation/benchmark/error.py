@@ -24,7 +24,7 @@ from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
-FROZEN = "4ff9cf0bf93485cfc5ddac2c4fb32ec0be9e048f"
+FROZEN = "f328308e97aa76113a193892b9c03aaf6d0b6c7e"
 """The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
 here: nobody could know them before.
 """
