@@ -58,9 +58,10 @@ def _sought(cells: Cells, close: Any, two: Any) -> Any:
 
 
 def crossings(look: Look, cells: Cells, close: Any, two: Any, limit: Any) -> Any:
-    """Find where edges cross the sides of these cells: by number of the side, in parts of it; -1 where it is unclear.
+    """Find where edges cross the sides of these cells: by number of the side, in parts of it.
 
-    Nothing here depends on which of its two cells a side is seen from.
+    Where that is unclear a colour was met that is off, and the number is below 0 by how far. Nothing here depends on
+    which of its two cells a side is seen from.
     """
     found = dr.zeros(mi.Float, 2 * cells.samples)
     mine: Any = dr.compress(_sought(cells, close, two))
@@ -89,15 +90,16 @@ def crossings(look: Look, cells: Cells, close: Any, two: Any, limit: Any) -> Any
         at_begin, known, off = belongs(colour, path, colours, paths, contrast, limit / area)
         # What lies between fills no more than the step: nothing that matters in the last one, unless it is off by more
         # than half of what the two differ, or up to all of that where the step is narrow.
-        unclear |= ~known & (high - low > dr.minimum(2 * fine, negligible(off)))
+        matters = ~known & ~(high - low <= dr.minimum(2 * fine, negligible(off)))  # so does NaN, by any number
+        unclear = dr.select(matters, dr.select(off > 0, off, 1), 0)
         return dr.select(at_begin, middle, low), dr.select(at_begin, high, middle), unclear
 
     def goes_on(low: Any, high: Any, unclear: Any) -> Any:
-        return (high - low > fine) & ~unclear
+        return (high - low > fine) & (unclear == 0)
 
-    state = (mi.Float(0), dr.full(mi.Float, 1, dr.width(mine)), mi.Bool(False))
+    state = (mi.Float(0), dr.full(mi.Float, 1, dr.width(mine)), mi.Float(0))
     bisected: Any = dr.while_loop(state, goes_on, step, label="crossings")
     low, high, unclear = bisected
-    dr.scatter(found, dr.select(unclear, -1, 0.5 * (low + high)), number)
+    dr.scatter(found, dr.select(unclear > 0, -unclear, 0.5 * (low + high)), number)
     dr.eval(found)
     return found

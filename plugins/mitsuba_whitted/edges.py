@@ -157,7 +157,7 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
         follow, limit, norm(high - low),
     )  # fmt: skip
     phases = task.phases()
-    failed = is_edge & parts.unclear
+    failed = is_edge & (parts.unclear > 0)
 
     # A smooth cell may have been looked at before: Simpson's rule tells what the centre was, if it was asked at all.
     colour_a = dr.select(is_edge, parts.mean_a, 1.5 * before.value - 0.5 * of_corners)
@@ -170,7 +170,7 @@ def look_closer(look: Look, cells: Cells, estimate: Estimate, close: Any, checks
         colour_a=colour_a,
         colour_b=parts.mean_b,
         failed=failed,
-        off=mi.Float(0),
+        off=dr.select(failed, parts.unclear, 0),
         surprise=mi.UInt32(0),
     )
     looked: Any = dr.while_loop(

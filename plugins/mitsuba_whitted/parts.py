@@ -43,7 +43,7 @@ class Parts(NamedTuple):
     away: Any
     """Unit vector across the chord, from A to B."""
     unclear: Any
-    """Whether a crossing of one of the sides was not found."""
+    """How far off a colour is that was met where a crossing of one of the sides was not found; 0 where all were."""
 
     def expected(self, is_a: Any, colour_a: Any, colour_b: Any, at: Any) -> Any:
         """Continue the colour of a part from its centroid by the plane that fits it and the part's corners best."""
@@ -72,14 +72,14 @@ def cut(here: Cells, crossings: Any, two: Any) -> Parts:
     t = [dr.gather(mi.Float, crossings, side, two) for side in sides(here)]
     crossing_at = [mi.Point2f(t[0], 0), mi.Point2f(1, t[1]), mi.Point2f(t[2], 1), mi.Point2f(0, t[3])]
 
-    unclear = mi.Bool(False)
+    unclear = mi.Float(0)
     leaves, enters, moment = mi.Point2f(0), mi.Point2f(0), mi.Point2f(0)
     doubled, count = mi.Float(0), mi.Float(0)  # twice the area; corners
     sum_a, sum_b = mi.Vector4f(0), mi.Vector4f(0)
     for k in range(4):
         m = (k + 1) % 4
         crossed = in_a[k] != in_a[m]
-        unclear |= crossed & (t[k] < 0)
+        unclear = dr.maximum(unclear, dr.select(crossed, -t[k], 0))
         leaves = dr.select(crossed & in_a[k], crossing_at[k], leaves)
         enters = dr.select(crossed & in_a[m], crossing_at[k], enters)
         p = dr.select(in_a[k], corner_at[k], crossing_at[k])
