@@ -18,8 +18,8 @@ from mitsuba_whitted.water import FALL, LEAST_SAMPLES, UNTOUCHED, foreseen, samp
 # Fitted as told in `antialias`.
 
 OF_LAUNCHES = 1 << 15
-"""Samples that are taken rather than the launches of another split, however few the cells. Those take as long as more,
-where few shapes are tried one by one, but a picture is to be cheap in rays too.
+"""So many samples are taken rather than that cells are split, however few these are. The launches of a split take as
+long as more, where few shapes are tried one by one, but rays count too.
 """
 
 OF_PARTS = 30
@@ -71,15 +71,20 @@ MOST_MORE = 4
 
 
 def needed(errors: NDArray[np.float32], hides: NDArray[np.bool_], limit: float) -> NDArray[np.uint32]:
-    """Count the samples that cells with these errors are averaged over at this limit; for each an even number."""
+    """Count the samples that cells with these errors are averaged over at this limit; for each an even number.
+
+    Where the error is not finite no number of them is right: most are counted, so that the cell is rather split; where
+    something hides, which is never split, the least.
+    """
     counts = samples_for(errors.astype(float), limit)
-    return _even(np.where(hides, np.maximum(counts, OF_HIDDEN), counts))
+    of_hidden = np.where(np.isfinite(errors), np.maximum(counts, OF_HIDDEN), OF_HIDDEN)
+    return _even(np.where(hides, of_hidden, counts))
 
 
 def fitted(counts: NDArray[np.uint32], errors: NDArray[np.float32], budget: float) -> NDArray[np.uint32]:
     """Take more samples or fewer, all by one factor, so that the squares of the errors foreseen come to the budget.
 
-    Where the error is not finite the count stays, so that what is too bright for squares is split and not given up.
+    Where the error is not finite the count stays.
     """
     left = foreseen(errors.astype(float), counts.astype(float))
     finite = np.isfinite(left)
@@ -93,7 +98,7 @@ def _even(counts: NDArray[Any]) -> NDArray[np.uint32]:
 
 
 def suffice(counts: NDArray[np.uint32]) -> bool:
-    """Tell whether averages of so many samples take no longer than to split the cells."""
+    """Tell whether averages of so many samples are rather taken than the cells split."""
     return int(counts.sum(dtype=np.int64)) <= OF_LAUNCHES + OF_PARTS * len(counts)
 
 
@@ -159,14 +164,17 @@ def average_to(
     chosen: NDArray[np.uint32],
     counts: NDArray[np.uint32],
     guessed: NDArray[np.float32],
+    hides: NDArray[np.bool_],
     budget: float,
 ) -> float | None:
     """Average over these cells until the squares of the errors that this shows come to about the budget.
 
+    Those where something `hides` take what that asks for in any case: they are never split.
+
     Returns
     -------
     float or None
-        If it takes less to split the worst of them than to bring them there: the error above which they are, as
+        If it takes less to split the worst of the others than to bring them there: the error above which they are, as
         estimated from all of them together, which then stands for what was measured of each. None if they are done.
     """
     samples, lanes = counts.copy(), owned(chosen)
@@ -181,8 +189,10 @@ def average_to(
         limit = _level(error, TOLERANCE**2 * budget)
         again = np.flatnonzero((error > limit) & (samples < MOST_SAMPLES))
         samples[again] = _even(samples[again] * np.minimum((error[again] / limit) ** (1 / FALL), MOST_MORE))
-        if not suffice(samples[again]):
+        if not suffice(samples[again[~hides[again]]]):
             dr.scatter(estimate.error, owned(error.astype(np.float32)), lanes)
+            again = again[hides[again]]
+            average(look, some, estimate, chosen[again], samples[again], guessed[again])
             return limit
         average(look, some, estimate, chosen[again], samples[again], guessed[again])
     return None

@@ -53,7 +53,9 @@ class Estimate(NamedTuple):
     def met(place: Any, hides: Any) -> Any:
         """Tell by one number the place (`places.numbered`) of a sample that did not fit, and whether something hides.
 
-        What does not hide is mostly a bend, or an edge more.
+        Where the corners have one path it does if the sample has another, or its colour is further off than theirs
+        range: else it is mostly a bend. Where an edge parts them, it does if it is of the part beyond the edge, too far
+        from that for a bulge, as of a strip that a corner has met: else it is mostly another edge.
         """
         return 2 * place + dr.select(hides, mi.UInt32(1), 0)
 

@@ -223,8 +223,8 @@ def _look_once(look: Look, task: _Task, phases: _Phases, seen: _Seen) -> _Seen:
     unlike, distance, astray = _unlike(task, seen, at, colour, is_a, known)
     another = (task.before.kind == Kind.CLUTTER.value) | ((path != parts.path_a) & (path != parts.path_b))
     failed |= (checking | (central & another)) & unlike
-    within = task.before.kind == Kind.SMOOTH.value
-    hides = dr.select(within, another | (distance > task.span), checking & task.is_edge & known & astray)
+    one_path = task.before.kind == Kind.SMOOTH.value
+    hides = dr.select(one_path, another | (distance > task.span), checking & task.is_edge & known & astray)
     after_check = dr.select(checking & (k >= task.checks), mi.UInt32(_OVER), phases.after_centroids)
     after = dr.select(seen.phase == _AT_A, phases.after_a, after_check)
     after = dr.select(searching, dr.select(found, phases.after_search, seen.phase), after)

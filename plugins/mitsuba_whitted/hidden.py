@@ -30,7 +30,7 @@ FAR = 0.25
 LEAST_FAR = 0.6
 """With fewer than this, none of those is checked; below 1, those of every other column are."""
 
-LEAST_FOLLOWING = 12
+LEAST_FOLLOWING = 24
 """Checks where something was hidden in a neighbour, at least."""
 
 MOST_CHECKS = 128

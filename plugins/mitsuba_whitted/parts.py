@@ -55,11 +55,15 @@ class Parts(NamedTuple):
         return colour + change
 
     def beyond(self, bulge: Any, at: Any) -> Any:
-        """How far a point lies beyond the edge, from A to B: a parabola over the chord, `bulge` high towards B."""
+        """How far a point lies beyond the edge, from A to B: a parabola over the chord, `bulge` high towards B.
+
+        Past its ends, where the edge has left the cell, it goes on straight: the parabola would rise far over a short
+        chord.
+        """
         out = at - self.middle
         along = mi.Vector2f(-self.away.y, self.away.x)
         share = 2 * dr.dot(out, along) * dr.rcp(dr.maximum(self.length, FINEST))
-        return dr.dot(out, self.away) - bulge * (1 - share * share)
+        return dr.dot(out, self.away) - bulge * dr.maximum(1 - share * share, 0)
 
 
 def cut(here: Cells, crossings: Any, two: Any) -> Parts:

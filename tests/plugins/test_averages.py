@@ -112,10 +112,10 @@ def stripes(x, y, active):
     return mi.Vector4f(colour, colour, colour, 1), mi.UInt32(0)
 
 
-def averaged_to(budget, shown=stripes, size=16, split=False):
+def averaged_to(budget, shown=stripes, size=16, split=False, hides=False):
     """Average over every cell of a picture: errors measured, errors if it is half white, and samples taken.
 
-    If some of them are to be split, the limit instead of the second.
+    If some of them are to be split, the limit instead of the second. `hides` are those that never are.
     """
     from mitsuba_whitted import averages, cells
     from mitsuba_whitted.corners import from_corners
@@ -130,7 +130,8 @@ def averaged_to(budget, shown=stripes, size=16, split=False):
     estimate, _ = from_corners(some, 1e-3)
     chosen = np.array(dr.compress(some.inside))
     counts, guessed = np.full(size * size, 8, np.uint32), np.array(estimate.error)[chosen]
-    above = averages.average_to(look, some, estimate, chosen, counts, guessed, budget)
+    hidden = np.full(size * size, False) | hides
+    above = averages.average_to(look, some, estimate, chosen, counts, guessed, hidden, budget)
     values, errors = np.array(estimate.value).reshape(-1, 4), np.array(estimate.error)
     assert (above is not None) == split
     return errors[chosen], above if split else values[chosen, 0] - 0.5, taken
@@ -206,6 +207,27 @@ def test_what_is_no_number_keeps_nothing_else_from_its_budget(llvm_ad_rgb, bad):
     assert len(everything[2]) == 1
 
 
+def test_what_hides_takes_its_samples_even_if_the_rest_is_split(llvm_ad_rgb, monkeypatch):
+    from mitsuba_whitted import averages
+
+    squares = np.sum(averaged_to(math.inf)[0] ** 2)
+    monkeypatch.setattr(averages, "OF_LAUNCHES", 0)
+    monkeypatch.setattr(averages, "OF_PARTS", 0)
+    hides = np.arange(256) % 3 == 0
+    without, limit, once = averaged_to(squares / 4, split=True)
+    errors, same, taken = averaged_to(squares / 4, split=True, hides=hides)
+    assert once == [8 * 256]
+    assert same == limit
+    wanted = hides & (without > limit)
+    assert np.any(wanted)
+    assert len(taken) == 2
+    assert 8 * wanted.sum() < taken[1] <= averages.MOST_MORE * 8 * wanted.sum()
+    assert np.array_equal(errors != without, wanted)
+    everything, _, more = averaged_to(squares / 4, hides=True)
+    assert np.sum(everything**2) <= averages.TOLERANCE**2 * squares / 4
+    assert len(more) > 1
+
+
 def test_an_average_of_very_many_samples_is_even(llvm_ad_rgb):
     # A ramp and its complement: sums of floats, and places k g of floats, would be off by 1e-3.
     from mitsuba_whitted import averages, cells
@@ -238,7 +260,7 @@ def test_the_least_samples_do_and_the_count_is_even(llvm_ad_rgb, hidden):
     assert np.all(counts % 2 == 0)
     exact = np.maximum(LEAST_SAMPLES, errors.astype(float))
     if hidden:
-        exact = np.maximum(exact, averages.OF_HIDDEN)
+        exact = np.where(np.isfinite(exact), np.maximum(exact, averages.OF_HIDDEN), averages.OF_HIDDEN)
     exact = np.minimum(exact, averages.MOST_SAMPLES)
     assert np.all((counts >= exact) & (counts < exact + 2))
 

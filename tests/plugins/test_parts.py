@@ -116,6 +116,29 @@ def test_an_edge_between_colours_that_change_evenly_does_not_surprise(llvm_ad_rg
     assert np.all(np.array(estimate.surprise)[cut][plane] == 0)
 
 
+@pytest.mark.parametrize("slope", [0.07, 0.31, -0.83])
+def test_a_straight_edge_between_two_colours_does_not_surprise_wherever_it_cuts(llvm_ad_rgb, slope):
+    # Also close by a corner, where what the search leaves open of the bulge is much beside the chord.
+    from mitsuba_whitted import cells
+    from mitsuba_whitted.corners import from_corners
+    from mitsuba_whitted.edges import look_closer
+
+    size = 64
+
+    def look(x, y, active):
+        above = y - size / 2 > slope * (x - size / 2) + 0.013
+        grey = dr.select(above, mi.Float(1), 0)
+        return mi.Vector4f(grey, grey, grey, 1), dr.select(above, mi.UInt32(2), 1)
+
+    some = cells.pixels(look, size, 0, size)
+    estimate, _ = from_corners(some, 1e-3)
+    cut = dr.compress(some.inside & (estimate.kind == cells.Kind.EDGE.value))
+    many, none = dr.full(mi.UInt32, 64, dr.width(cut)), dr.zeros(mi.UInt32, dr.width(cut))
+    look_closer(look, some, estimate, cut, many, none, dr.opaque(mi.Float, 1e-3))
+    assert dr.width(cut) >= size
+    assert dr.all(estimate.some(cut).surprise == 0)
+
+
 def test_an_edge_bends_by_its_bulge(llvm_ad_rgb):
     from mitsuba_whitted.parts import Parts
 
