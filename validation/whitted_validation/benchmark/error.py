@@ -24,7 +24,7 @@ from whitted_validation.benchmark.speed_configurations import Unavailable
 from whitted_validation.benchmark.speed_worker import Failed
 from whitted_validation.comparison import compare
 
-FROZEN = "f328308e97aa76113a193892b9c03aaf6d0b6c7e"
+FROZEN = "d4579cd2a221366b17d5370f6f99deb82ffa3a7a"
 """The commit after which no constant of the refinement was changed. Its own number gives the seeds of what is judged
 here: nobody could know them before.
 """
