@@ -224,7 +224,7 @@ def _look_once(look: Look, task: _Task, phases: _Phases, seen: _Seen) -> _Seen:
     another = (task.before.kind == Kind.CLUTTER.value) | ((path != parts.path_a) & (path != parts.path_b))
     failed |= (checking | (central & another)) & unlike
     one_path = task.before.kind == Kind.SMOOTH.value
-    hides = dr.select(one_path, another | (distance > task.span), checking & task.is_edge & known & astray)
+    hides = dr.select(one_path, another | (distance > task.span), checking & astray)
     after_check = dr.select(checking & (k >= task.checks), mi.UInt32(_OVER), phases.after_centroids)
     after = dr.select(seen.phase == _AT_A, phases.after_a, after_check)
     after = dr.select(searching, dr.select(found, phases.after_search, seen.phase), after)
@@ -253,7 +253,7 @@ def _unlike(task: _Task, seen: _Seen, at: Any, colour: Any, is_a: Any, known: An
     # What is off in a part counts by its share of the cell; in the larger half it may be anything.
     share = dr.select(task.is_edge, 2 * dr.select(is_a, parts.area_a, 1 - parts.area_a), 1)
     too_far = task.area * SURPRISE * dr.minimum(share, 1) * distance > limit
-    astray = other_side & (dr.abs(beyond) > LARGEST_BULGE)
+    astray = task.is_edge & known & other_side & (dr.abs(beyond) > LARGEST_BULGE)
     return too_far | (task.is_edge & (~known | other_side)), distance, astray
 
 

@@ -107,6 +107,30 @@ def test_colours_that_change_evenly_are_continued_exactly(llvm_ad_rgb, line):
     assert seen > 100
 
 
+def looked_at(look, checks, limit):
+    """Look closer at the pixel in column and row 8: the pixel, and what was known of it before and after."""
+    from mitsuba_whitted import cells
+    from mitsuba_whitted.corners import from_corners
+    from mitsuba_whitted.edges import look_closer
+
+    some = cells.pixels(look, 16, 0, 16)
+    estimate, _ = from_corners(some, 1e-3)
+    pixel = dr.compress(some.inside & (some.i == 8) & (some.j == 8))
+    here, before = some.some(pixel), estimate.some(pixel)
+    dr.eval(before)
+    of_pixel, none = dr.opaque(mi.UInt32, checks, 1), dr.opaque(mi.UInt32, 0, 1)
+    look_closer(look, some, estimate, pixel, of_pixel, none, dr.opaque(mi.Float, limit))
+    return here, before, estimate.some(pixel)
+
+
+def first_check(here, inside):
+    """Find the number of the place of the first check, of those spread evenly, that lies inside."""
+    from mitsuba_whitted.places import PLACES, numbered, of_check
+
+    places = (of_check(here, mi.UInt32(k), mi.UInt32(0)) for k in range(1, PLACES))
+    return next(numbered(at)[0] for at in places if inside(8 + at.x, 8 + at.y)[0])
+
+
 @pytest.mark.parametrize("line", LINES.values(), ids=LINES)
 def test_an_edge_between_colours_that_change_evenly_does_not_surprise(llvm_ad_rgb, line):
     cut, _, estimate, some = edges(line, limit=2e-3, checks=40)
@@ -240,29 +264,24 @@ def test_a_third_path_counts_unless_it_is_faint_and_only_the_last_step_of_a_sear
     cut = dr.compress(some.inside & (some.i == 5))
     found = crossings(look, some, cut, dr.full(mi.Bool, True, dr.width(cut)), dr.opaque(mi.Float, CROSSING / 8))
     top = dr.gather(mi.Float, found, sides(some.some(cut))[0])
-    off = np.float32(green) / np.sqrt(np.float32(3))  # from black, which is nearer than white
-    assert np.allclose(np.array(top), 5 / 16 if clear else -off, rtol=4 * 2.0**-24, atol=0)  # square, third, root
+    if clear:
+        assert np.all(np.array(top) == 5 / 16)
+    else:  # from black, which is nearer than white: a square, its third, and a root, each rounded, as this is
+        assert np.allclose(np.array(top), -green / math.sqrt(3), rtol=4 * 2.0**-24, atol=0)
 
 
 @pytest.mark.parametrize("bright", [0.5, 7.0, math.inf, math.nan])
 def test_where_a_crossing_is_not_found_it_is_off_by_what_was_met_instead(llvm_ad_rgb, bright):
     # A faint edge, and before its middle something bright that no corner meets, nor any check: none is asked for.
-    from mitsuba_whitted import cells
-    from mitsuba_whitted.corners import OF_RANGE, from_corners
-    from mitsuba_whitted.edges import look_closer
+    from mitsuba_whitted.corners import OF_RANGE
 
     def look(x, y, active):
         lit, right = (dr.abs(x - 8.5) < 0.2) & (dr.abs(y - 8) < 0.2), x > 8.4
         grey = dr.select(lit, mi.Float(bright), dr.select(right, mi.Float(0.03), 0))
         return mi.Vector4f(grey, grey, grey, 1), dr.select(lit, mi.UInt32(3), dr.select(right, mi.UInt32(2), 1))
 
-    some = cells.pixels(look, 16, 0, 16)
-    estimate, _ = from_corners(some, 1e-3)
-    pixel = dr.compress(some.inside & (some.i == 8) & (some.j == 8))
-    before, zero, limit = estimate.some(pixel), dr.opaque(mi.UInt32, 0, 1), 2e-3
-    dr.eval(before)
-    look_closer(look, some, estimate, pixel, zero, zero, dr.opaque(mi.Float, limit))
-    after = estimate.some(pixel)
+    limit = 2e-3
+    _, before, after = looked_at(look, 0, limit)
     assert dr.all(after.value == before.value)
     if math.isnan(bright):
         assert after.error[0] > limit
@@ -340,10 +359,6 @@ def test_where_paths_have_colours_that_are_alike_centre_and_checks_tell_what_els
 
 
 def test_what_an_edge_asks_at_its_centroids_counts_as_checks(llvm_ad_rgb):
-    from mitsuba_whitted import cells
-    from mitsuba_whitted.corners import from_corners
-    from mitsuba_whitted.edges import look_closer
-
     taken = dr.zeros(mi.UInt32, 1)
 
     def look(x, y, active):
@@ -353,13 +368,10 @@ def test_what_an_edge_asks_at_its_centroids_counts_as_checks(llvm_ad_rgb):
         return mi.Vector4f(grey, grey, grey, 1), dr.select(right, mi.UInt32(2), 1)
 
     def asked(checks):
-        some = cells.pixels(look, 16, 0, 16)
-        estimate, _ = from_corners(some, 1e-3)
-        pixel = dr.compress(some.inside & (some.i == 8) & (some.j == 8))
-        before, zero = int(taken[0]), dr.opaque(mi.UInt32, 0, 1)
-        look_closer(look, some, estimate, pixel, dr.opaque(mi.UInt32, checks, 1), zero, dr.opaque(mi.Float, 1e-2))
-        assert estimate.some(pixel).surprise[0] == 0
-        return int(taken[0]) - before
+        before = int(taken[0])
+        _, _, after = looked_at(look, checks, 1e-2)
+        assert after.surprise[0] == 0
+        return int(taken[0]) - before - 17 * 17  # and the corners
 
     assert asked(0) == asked(1) == asked(2) == asked(5) - 3
 
@@ -371,11 +383,6 @@ def test_what_an_edge_asks_at_its_centroids_counts_as_checks(llvm_ad_rgb):
 def test_what_checks_meet_hides_if_its_path_is_another_or_it_is_further_off_than_the_corners_range(
     llvm_ad_rgb, path, slope, channels, hides
 ):
-    from mitsuba_whitted import cells
-    from mitsuba_whitted.corners import from_corners
-    from mitsuba_whitted.edges import look_closer
-    from mitsuba_whitted.places import numbered, of_check
-
     # A disc is brighter by 0.2 than its ground, which brightens by `slope` from the upper corners to the lower: grey,
     # or in red alone, which is a range of 0.17.
     def look(x, y, active):
@@ -383,25 +390,16 @@ def test_what_checks_meet_hides_if_its_path_is_another_or_it_is_further_off_than
         red, others = (slope * (y - 8) * here + dr.select(disc, mi.Float(0.2), 0) for here in (1, channels == 3))
         return mi.Vector4f(red, others, others, 1), dr.select(disc, mi.UInt32(path), 1)
 
-    some = cells.pixels(look, 16, 0, 16)
-    estimate, _ = from_corners(some, 1e-3)
-    pixel = dr.compress(some.inside & (some.i == 8) & (some.j == 8))
-    zero, checks = dr.opaque(mi.UInt32, 0, 1), dr.opaque(mi.UInt32, 64, 1)
-    look_closer(look, some, estimate, pixel, checks, zero, dr.opaque(mi.Float, 1e-3))
-    after = estimate.some(pixel)
-    places = [of_check(some.some(pixel), mi.UInt32(k), mi.UInt32(0)) for k in range(1, 65)]
-    met = next(at for at in places if (at.x[0] - 0.3) ** 2 + (at.y[0] - 0.4) ** 2 < 0.04)
-    assert after.surprise[0] == 2 * numbered(met)[0] + hides
+    here, _, after = looked_at(look, 64, 1e-3)
+    met = first_check(here, lambda x, y: (x - 8.3) ** 2 + (y - 8.4) ** 2 < 0.04)
+    assert after.surprise[0] == 2 * met + hides
     assert after.surprised()[0]
     assert after.hides()[0] == hides
 
 
 @pytest.mark.parametrize(("begin", "hides"), [(8.35, False), (8.6, True)])
 def test_what_checks_meet_beyond_an_edge_hides_if_it_is_too_far_off_for_a_bulge(llvm_ad_rgb, begin, hides):
-    from mitsuba_whitted import cells
-    from mitsuba_whitted.corners import from_corners
-    from mitsuba_whitted.edges import LARGEST_BULGE, look_closer
-    from mitsuba_whitted.places import numbered, of_check
+    from mitsuba_whitted.edges import LARGEST_BULGE
 
     # An upright edge, and beyond it more of what lies before it.
     def more(x, y):
@@ -413,15 +411,8 @@ def test_what_checks_meet_beyond_an_edge_hides_if_it_is_too_far_off_for_a_bulge(
         return mi.Vector4f(grey, grey, grey, 1), dr.select(left, mi.UInt32(2), 1)
 
     assert (begin - 8.3 > LARGEST_BULGE) == hides == (begin + 0.06 - 8.3 > LARGEST_BULGE)
-    some = cells.pixels(look, 16, 0, 16)
-    estimate, _ = from_corners(some, 1e-3)
-    pixel = dr.compress(some.inside & (some.i == 8) & (some.j == 8))
-    zero, checks = dr.opaque(mi.UInt32, 0, 1), dr.opaque(mi.UInt32, 96, 1)
-    look_closer(look, some, estimate, pixel, checks, zero, dr.opaque(mi.Float, 1e-3))
-    after = estimate.some(pixel)
-    places = [of_check(some.some(pixel), mi.UInt32(k), mi.UInt32(0)) for k in range(1, 95)]  # two at the centroids
-    met = next(at for at in places if more(8 + at.x, 8 + at.y)[0])
-    assert after.surprise[0] == 2 * numbered(met)[0] + hides
+    here, _, after = looked_at(look, 96, 1e-3)
+    assert after.surprise[0] == 2 * first_check(here, more) + hides
     assert not after.surprised()[0]
     assert after.hides()[0] == hides
 

@@ -272,7 +272,7 @@ def test_averages_in_parts_of_pixels_are_expected_to_be_further_off(llvm_ad_rgb,
 @pytest.mark.parametrize(("target", "most"), [(2e-3, 1), (1e-3, 1.5), (5e-4, 1.5)])
 def test_a_strip_is_followed_from_row_to_row(llvm_ad_rgb, slope, target, most):
     # A bright strip of a twentieth of a pixel on black ground, from border to border; corners meet it here and there.
-    # What is so hard on the estimates may be off by 1.5 times the target, as pictures are seldom.
+    # The target is promised to 95 % of pictures, and 1.5 times it to all: of the finer two no more is asked.
     size = 64
 
     def look(x, y, active):
